@@ -1,0 +1,97 @@
+# Shared Autonomy Lab. `make` prints what there is.
+#
+# Everything is installed into .venv here; nothing else on the machine is touched, except that `make test`
+# installs a Chromium when there is none. pip uses whatever index it is configured with.
+
+PORT   ?= 8000
+DATA   ?= data
+PYTHON ?=
+VENV   := .venv
+PY     := $(VENV)/bin/python
+PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
+
+SHELL := /bin/sh
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+# A .venv whose interpreter went away is made anew, whatever its stamps say.
+ifneq ($(shell $(PY) -c 'print("ok")' 2>/dev/null),ok)
+$(VENV)/.installed: FORCE
+$(VENV)/.installed-test: FORCE
+endif
+
+# Prints the first interpreter that really runs (a version manager's shim may not), is 3.11 or 3.10, and can
+# make environments. PYTHON=... is held to the same.
+define FIND_PYTHON
+usable() { "$$1" -c 'import ensurepip, sys, venv; sys.exit("%d.%d" % sys.version_info[:2] not in sys.argv[1:])' $$2 >/dev/null 2>&1; }; \
+find_python() { \
+  if [ -n "$(PYTHON)" ]; then \
+    if usable "$(PYTHON)" "3.11 3.10"; then echo "$(PYTHON)"; return; fi; \
+    echo "make: PYTHON=$(PYTHON) is not a Python 3.11 or 3.10 that can make environments." >&2; return 1; \
+  fi; \
+  for version in 3.11 3.10; do \
+    dirs=$$(echo "$$PATH" | tr ':' ' '); \
+    for dir in $$dirs "$$HOME"/.pyenv/versions/$$version*/bin "$$HOME"/.local/bin /usr/local/bin; do \
+      for name in python$$version python3 python; do \
+        if [ -x "$$dir/$$name" ] && usable "$$dir/$$name" $$version; then echo "$$dir/$$name"; return; fi; \
+      done; \
+    done; \
+  done; \
+  echo "make: no usable Python 3.11 or 3.10 found (pybullet has no wheel for other versions)." >&2; \
+  echo "      Install one with its venv module (Debian, Ubuntu: apt-get install python3.11 python3.11-venv)" >&2; \
+  echo "      or name one: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; \
+  return 1; \
+}
+endef
+
+.PHONY: help run test test-fast check bench clean FORCE
+
+help: ## print this
+	@echo "Shared Autonomy Lab"
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@echo "  (run takes PORT=$(PORT) and DATA=$(DATA); PYTHON=... chooses the interpreter .venv is made with)"
+
+run: $(VENV)/.installed ## install what is missing and start the lab on loopback
+	@exec $(VENV)/bin/salab serve --port "$(PORT)" --data "$(DATA)"
+
+test: $(VENV)/.installed-test ## everything: ruff, mypy, every test (installs a Chromium if there is none)
+	@echo "== a browser for the tests"
+	@$(PY) -m tests.chromium
+	@echo "== ruff"
+	@$(PY) -m ruff check .
+	@echo "== mypy"
+	@$(PY) -m mypy
+	@echo "== pytest"
+	@$(PY) -m pytest
+
+test-fast: $(VENV)/.installed-test ## the tests that need neither a browser nor pybullet, under a minute
+	@$(PY) -m pytest -m "not slow and not browser and not bullet"
+
+check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, test-fast
+	@$(PY) -m ruff check .
+	@$(PY) -m ruff format --check .
+	@$(PY) -m mypy
+	@$(PY) -m pytest -m "not slow and not browser and not bullet"
+
+bench: $(VENV)/.installed-test ## measure decision time, ticks per second, tick-start error, scene payload
+	@$(PY) -m tests.bench
+
+clean: ## remove the environment and caches; never the data
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	find app sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/.installed: pyproject.toml
+	@$(FIND_PYTHON); \
+	if ! $(PY) -c '' 2>/dev/null; then \
+	  python=$$(find_python) || exit 1; \
+	  echo "== making $(VENV) with $$python"; \
+	  "$$python" -m venv --clear $(VENV) || exit 1; \
+	fi
+	@echo "== installing the lab (a minute or two the first time)"
+	@$(PIP) --editable '.[meshes]'
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	@echo "== installing what the tests need"
+	@$(PIP) --editable '.[meshes,test]'
+	@touch $@
