@@ -1,0 +1,246 @@
+"""The rows a study leaves behind: one frozen dataclass per exported table, every column described.
+
+These types are the data dictionary. The store makes its tables from them, the export writes them, the analysis reads
+them back, and the codebook is printed from them; a column exists because it stands here.
+
+Blank (`None`) always means "does not apply"; what that means for a column stands in its description.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, get_args, get_type_hints
+
+SCHEMA_VERSION = 1
+
+
+class StudyError(ValueError):
+    """A value the study engine cannot take; the message gives the value, the bound and the choices."""
+
+
+def column(description: str, *, unit: str | None = None, levels: tuple[str, ...] = ()) -> Any:
+    """A dataclass field that carries its own documentation."""
+    return field(metadata={"description": description, "unit": unit, "levels": levels})
+
+
+CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
+KINDS = ("pickup", "dropoff")
+SOURCES = ("user", "robot", "idle", "gripper", "reset")
+OUTCOMES = ("success", "failure", "not_run")
+
+
+@dataclass(frozen=True)
+class ParticipantRow:
+    """One person (or simulated person) who was enrolled."""
+
+    participant: str = column("Participant id, unique in the data set")
+    seed: int = column("Seed of everything random about this participant")
+    condition_order: str = column("Condition ids in the order run, joined by '>'")
+    state: str = column("State of the session when exported (done = complete)")
+    study_hash: str = column("SHA-256 of the study file this participant ran under")
+    created_utc: str = column("When the participant was created", unit="ISO 8601 UTC")
+    consent_utc: str | None = column("When consent was given; blank = not given", unit="ISO 8601 UTC")
+    consent_hash: str | None = column("SHA-256 of the consent text agreed to")
+    finished_utc: str | None = column("When the session ended; blank = it has not", unit="ISO 8601 UTC")
+    schema_version: int = column("Version of these row types")
+
+
+@dataclass(frozen=True)
+class TrialRow:
+    """One trial: three pickups and dropoffs under one condition."""
+
+    participant: str = column("Participant id")
+    condition: str = column("Condition id from the study file")
+    trial: int = column("Trial number, from 1")
+    layout: str = column("Name of the layout on the table")
+    placement: str = column("JSON: object id at each slot of the layout, in slot order")
+    parameters: str = column("JSON: every parameter of the arbiter in this trial")
+    outcome: str = column("How the trial ended", levels=("completed", "aborted", "running"))
+    ticks: int = column("Ticks run, resets included", unit="ticks")
+    overruns: int = column("Ticks that started more than 50 ms late", unit="ticks")
+    started_utc: str | None = column("When the first tick started", unit="ISO 8601 UTC")
+    finished_utc: str | None = column("When the trial ended", unit="ISO 8601 UTC")
+
+
+@dataclass(frozen=True)
+class TaskRow:
+    """One pickup or dropoff. A complete participant of the paper's study has 18."""
+
+    participant: str = column("Participant id")
+    condition: str = column("Condition id from the study file")
+    trial: int = column("Trial number, from 1")
+    task: int = column("Task number in the trial, from 1; odd = pickup")
+    kind: str = column("Kind of task", levels=KINDS)
+    goal: str = column("Id of the instructed object (pickup) or bin (dropoff): the ground truth")
+    object: str = column("Id of the object of this pick-and-place cycle")
+    goals: int = column("Number of candidate goals at the start of the task")
+    outcome: str = column("Outcome; not_run = the dropoff after a failed pickup", levels=OUTCOMES)
+    reason: str | None = column("Why it failed or was not run; blank after a success")
+    first_tick: int | None = column("First tick of the task; blank if not run", unit="tick of the trial")
+    last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial")
+
+
+@dataclass(frozen=True)
+class TickRow:
+    """One 2 Hz decision. p and m are the state x at the start of the tick, belief and entropy are after its update."""
+
+    participant: str = column("Participant id")
+    condition: str = column("Condition id from the study file")
+    trial: int = column("Trial number, from 1")
+    task: int | None = column("Task number in the trial, from 1; blank while the arm resets")
+    kind: str | None = column("Kind of task; blank while the arm resets", levels=KINDS)
+    tick: int = column("Tick number in the trial, from 0")
+    cycle: int = column("Pick-and-place cycle in the trial, from 1; each starts in a fresh physics world")
+    trial_s: float = column("Trial time at the start of the tick; stands still while paused", unit="s")
+    goal: str | None = column("Instructed goal (object or bin id); blank while the arm resets")
+    p_x: float = column("Gripper position at the start of the tick, world frame", unit="m")
+    p_y: float = column("Gripper position at the start of the tick, world frame", unit="m")
+    p_z: float = column("Gripper position at the start of the tick, world frame", unit="m")
+    m_x: float = column(
+        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
+    )
+    m_y: float = column(
+        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
+    )
+    m_z: float = column(
+        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
+    )
+    user_x: int | None = column("User input along x: -1, 0 or 1; blank = no input", unit="1")
+    user_y: int | None = column("User input along y: -1, 0 or 1; blank = no input", unit="1")
+    user_z: int | None = column("User input along z: -1, 0 or 1; blank = no input", unit="1")
+    action_x: int | None = column(
+        "Action taken, x; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+    )
+    action_y: int | None = column(
+        "Action taken, y; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+    )
+    action_z: int | None = column(
+        "Action taken, z; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+    )
+    source: str = column("Who moved the robot in this tick", levels=SOURCES)
+    blocked: int = column("1 = the motion asked for was refused", unit="0/1")
+    blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not")
+    gripper_input: str | None = column("Gripper button pressed for this tick", levels=("open", "close"))
+    gripper: str = column("Gripper at the end of the tick", levels=("open", "closed", "moving"))
+    held: str | None = column("Object id held at the end of the tick; blank = none")
+    goals: str = column(
+        "JSON: candidate goal id to its position [x, y, z] at the start of the tick", unit="m"
+    )
+    belief: str = column("JSON: goal id to probability, after this tick's update")
+    entropy: float = column("Entropy of that belief to base |goals|, 0 to 1; 0 with one goal", unit="1")
+    input_seq: int | None = column("Sequence number of the last input this tick took into account")
+    started_utc: str | None = column("When the tick started; blank when simulated", unit="ISO 8601 UTC")
+    late_ms: float | None = column(
+        "How late the tick started against its deadline; blank in lockstep", unit="ms"
+    )
+    digest: str = column("Hash of the world's state at the end of the tick, for verifying a replay")
+
+
+@dataclass(frozen=True)
+class AlertRow:
+    """One sensor reading of the distractor."""
+
+    participant: str = column("Participant id")
+    condition: str = column("Condition id from the study file")
+    trial: int = column("Trial number, from 1")
+    alert: int = column("Alert number in the trial, from 1")
+    placement: str = column("Where it was shown", levels=("second_device", "same_page_away"))
+    reading: str = column("The reading to be logged")
+    due_trial_s: float = column("Trial time at which the alert was raised", unit="s")
+    shown_utc: str | None = column(
+        "When the page reported it visible; blank = never reported", unit="ISO 8601 UTC"
+    )
+    heard_utc: str | None = column(
+        "When the page reported the sound played; blank = never", unit="ISO 8601 UTC"
+    )
+    answered_utc: str | None = column(
+        "When the answer reached the lab; blank = no answer", unit="ISO 8601 UTC"
+    )
+    answered_trial_s: float | None = column("Trial time of the answer; blank = no answer", unit="s")
+    answer: str | None = column("What was typed; blank = no answer")
+    correct: int | None = column("1 = the typed value equals the reading; blank = no answer", unit="0/1")
+    status: str = column("State of the alert", levels=("open", "answered", "expired", "trial_ended"))
+
+
+@dataclass(frozen=True)
+class SurveyAnswerRow:
+    """One answer to one item, as given. Scoring is done in the analysis."""
+
+    participant: str = column("Participant id")
+    condition: str | None = column("Condition the answer is about; blank = the whole session")
+    trial: int | None = column("Trial the answer is about; blank = the whole session")
+    instrument: str = column("Questionnaire id (also demographics and comprehension)")
+    item: str = column("Item id in the questionnaire")
+    value: str = column("Answer as given: a scale point, the id of an option, or text")
+    answered_utc: str = column("When the answer reached the lab", unit="ISO 8601 UTC")
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """Anything else that happened, in order."""
+
+    participant: str = column("Participant id")
+    trial: int | None = column("Trial running at the time; blank = none")
+    tick: int | None = column("Tick running at the time; blank = none")
+    utc: str = column("When the lab learned of it", unit="ISO 8601 UTC")
+    kind: str = column("Name of the event")
+    source: str = column("Who caused it", levels=("participant", "experimenter", "lab", "robot"))
+    data: str = column("JSON: details")
+
+
+TABLES: dict[str, type] = {
+    "participants": ParticipantRow,
+    "trials": TrialRow,
+    "tasks": TaskRow,
+    "ticks": TickRow,
+    "practice_ticks": TickRow,
+    "alerts": AlertRow,
+    "survey_answers": SurveyAnswerRow,
+    "events": EventRow,
+}
+"""Exported tables in the order they are written."""
+
+
+@dataclass(frozen=True)
+class ColumnInfo:
+    """A line of the codebook."""
+
+    table: str
+    name: str
+    type: str
+    optional: bool
+    description: str
+    unit: str | None
+    levels: tuple[str, ...]
+
+
+def columns(table: str) -> tuple[ColumnInfo, ...]:
+    """The columns of a table in order; `StudyError` names the tables there are."""
+    if table not in TABLES:
+        raise StudyError(f"no table {table!r}; tables are {list(TABLES)}")
+    row_type = TABLES[table]
+    hints = get_type_hints(row_type)
+    infos = []
+    for item in dataclasses.fields(row_type):
+        parts = [part for part in get_args(hints[item.name]) if part is not type(None)]
+        kind = parts[0] if parts else hints[item.name]
+        infos.append(
+            ColumnInfo(
+                table=table,
+                name=item.name,
+                type=kind.__name__,
+                optional=bool(parts),
+                description=item.metadata["description"],
+                unit=item.metadata["unit"],
+                levels=item.metadata["levels"],
+            )
+        )
+    return tuple(infos)
+
+
+def codebook() -> Iterator[ColumnInfo]:
+    """Every column of every table."""
+    for table in TABLES:
+        yield from columns(table)
