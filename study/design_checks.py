@@ -1,0 +1,110 @@
+"""What no single field of a study file can know: ids that repeat, names the simulated world lacks, fields that clash.
+
+The checks read unchecked data, so that one pass over a file tells everything that is wrong with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+from study.instruments import INSTRUMENTS
+from study.study_file import Problem, choices_sentence
+
+
+def cross_problems(
+    data: Mapping[str, Any],
+    layouts: Collection[str],
+    objects: Collection[str],
+    bins: Collection[str] | None,
+) -> Iterator[Problem]:
+    """Every clash in the data; `layouts` may map a layout to its number of slots (see `design.load_study`)."""
+    layout = data.get("layout")
+    if isinstance(layout, str) and layout not in layouts:
+        yield Problem(("layout",), choices_sentence(layout, layouts, "layouts"))
+    known = {"objects": objects, "bins": bins, "surveys": tuple(INSTRUMENTS)}
+    for field, choices in known.items():
+        names = _texts(data.get(field))
+        for position, name in names:
+            if choices is not None and name not in choices:
+                yield Problem((field, position), choices_sentence(name, choices, field))
+        yield from _repeated(field, [(position, name, (field, position)) for position, name in names])
+    chosen = len(_texts(data.get("objects")))
+    slots = layouts.get(layout) if isinstance(layouts, Mapping) and isinstance(layout, str) else None
+    if isinstance(slots, int) and chosen > slots:
+        yield Problem(("objects",), f"has {chosen} entries, layout {layout!r} has room for {slots}")
+    pickups = data.get("pickups_per_trial", 3)
+    if isinstance(pickups, int) and chosen and pickups > chosen:
+        yield Problem(("pickups_per_trial",), f"must be at most {chosen}, the number of objects")
+    for number, condition in _tables(data.get("conditions")):
+        arbiter, alpha = condition.get("arbiter"), condition.get("alpha", 0.0)
+        if arbiter == "balanced" and "alpha" not in condition:
+            yield Problem(("conditions", number, "alpha"), 'missing; must be a number or "calibrated"')
+        if arbiter in ("goal_oriented", "teleoperation") and alpha != 0:
+            yield Problem(("conditions", number, "alpha"), f"must be 0 (or left out) with arbiter {arbiter!r}")
+    instructions = data.get("instructions")
+    questions = instructions.get("questions") if isinstance(instructions, dict) else None
+    texts = data.get("texts")
+    open_questions = texts.get("debrief_questions") if isinstance(texts, dict) else None
+    for place, entries in (
+        (("conditions",), data.get("conditions")),
+        (("demographics",), data.get("demographics")),
+        (("instructions", "questions"), questions),
+        (("texts", "debrief_questions"), open_questions),
+    ):
+        ids = [(number, entry.get("id"), (*place, number, "id")) for number, entry in _tables(entries)]
+        yield from _repeated("ids", ids)
+        for number, entry in _tables(entries):
+            yield from _option_problems((*place, number), entry)
+    yield from _distractor_problems(data.get("distractor"))
+
+
+def _option_problems(place: tuple[Any, ...], entry: Mapping[str, Any]) -> Iterator[Problem]:
+    options = [
+        (number, option.get("id"), (*place, "options", number, "id"))
+        for number, option in _tables(entry.get("options"))
+    ]
+    yield from _repeated("option ids", options)
+    ids = [str(option_id) for _, option_id, _ in options]
+    if "correct" in entry and entry["correct"] not in ids:
+        yield Problem((*place, "correct"), choices_sentence(entry["correct"], ids, "options"))
+    if place[0] == "demographics":
+        kind = entry.get("kind", "choice")
+        if kind == "choice" and len(ids) < 2:
+            yield Problem((*place, "options"), f"has {len(ids)} entries, a choice must have at least 2")
+        if kind in ("text", "number") and ids:
+            yield Problem((*place, "options"), f"must be left out with kind {kind!r}")
+
+
+def _distractor_problems(distractor: object) -> Iterator[Problem]:
+    if not isinstance(distractor, dict):
+        return
+    every, within = distractor.get("every_s", 20.0), distractor.get("answer_within_s", 20.0)
+    away, digits = distractor.get("away_min_s", 5.0), distractor.get("digits", 4)
+    if _both_numbers(within, every) and within > every:
+        yield Problem(("distractor", "answer_within_s"), f"must be at most every_s, which is {every}")
+    if _both_numbers(away, within) and away > within:
+        yield Problem(("distractor", "away_min_s"), f"must be at most answer_within_s, which is {within}")
+    if _both_numbers(distractor.get("decimals", 1), digits) and distractor.get("decimals", 1) >= digits:
+        yield Problem(("distractor", "decimals"), f"must be below digits, which is {digits}")
+
+
+def _both_numbers(*values: object) -> bool:
+    return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+
+
+def _texts(value: object) -> list[tuple[int, str]]:
+    entries = value if isinstance(value, list) else []
+    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, str)]
+
+
+def _tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    entries = value if isinstance(value, list) else []
+    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, dict)]
+
+
+def _repeated(what: str, entries: Sequence[tuple[int, object, tuple[Any, ...]]]) -> Iterator[Problem]:
+    first: dict[object, int] = {}
+    for position, name, path in entries:
+        if isinstance(name, str) and first.setdefault(name, position) != position:
+            yield Problem(path, f"repeats entry {first[name] + 1}; {what} must be different")

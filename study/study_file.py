@@ -1,0 +1,280 @@
+"""Reading a TOML file into a checked model, and saying everything that is wrong with it in our own words.
+
+A researcher edits a study file by hand. So a problem is one line with the file, the line, the field, the value that
+stands there and what may stand there instead, and all problems are told at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Union, get_args, get_origin
+
+import annotated_types
+import pydantic
+from pydantic.fields import FieldInfo
+
+from study.records import StudyError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+FieldPath = tuple[Union[str, int], ...]  # noqa: UP007 - evaluated at run time on 3.10 as well
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([A-Za-z0-9_.\"' -]+?)\s*(\]\]?)\s*(#.*)?$")
+_KEY = re.compile(r"^\s*([A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')\s*=\s*(.*)$")
+_LONGEST_VALUE_SHOWN = 60
+
+
+class StudyFileError(StudyError):
+    """A study file that cannot be used. `problems` holds one line for each thing that is wrong."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong at a place in the file; `sentence` starts in lower case and has no full stop."""
+
+    path: FieldPath
+    sentence: str
+
+
+def parse_toml(source: bytes, name: str) -> tuple[dict[str, Any], str]:
+    """The data and the text of a TOML file; raises `StudyFileError` with the line where reading stopped."""
+    try:
+        text = source.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise StudyFileError([f"{name}: not UTF-8 text (byte {error.start}); save the file as UTF-8"]) from None
+    try:
+        return tomllib.loads(text), text
+    except tomllib.TOMLDecodeError as error:
+        message = str(error)
+        found = re.search(r" \(at line (\d+), column (\d+)\)", message)
+        line = found.group(1) if found else str(text.count("\n") + 1)
+        sentence = re.sub(r" \(at .*\)$", "", message)
+        raise StudyFileError([f"{name}:{line}: not valid TOML: {sentence}"]) from None
+
+
+def report(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem]) -> StudyFileError:
+    """The error for these problems: `file:line: field = value: sentence`, in the order of the file."""
+    lines = line_numbers(text)
+    told: dict[tuple[int, str], None] = {}
+    for problem in problems:
+        line = _line_of(problem.path, lines)
+        place = f"{name}:{line}" if line else name
+        label = spell(problem.path) or "(the whole file)"
+        present, value = look_up(data, problem.path)
+        shown = f" = {show(value)}" if present and not isinstance(value, dict) else ""
+        told[(line, f"{place}: {label}{shown}: {problem.sentence}")] = None
+    return StudyFileError([sentence for _, sentence in sorted(told, key=lambda item: item[0])])
+
+
+def closest(word: str, choices: Iterable[str]) -> str:
+    """`; did you mean 'x'?` when a choice is close to the word, else nothing."""
+    matches = difflib.get_close_matches(word, list(choices), n=1, cutoff=0.6)
+    return f"; did you mean {matches[0]!r}?" if matches else ""
+
+
+def choices_sentence(value: object, choices: Iterable[str], what: str = "allowed") -> str:
+    """`not one of the choices; did you mean …? allowed: …`."""
+    listed = list(choices)
+    hint = closest(value, listed) if isinstance(value, str) else ""
+    return f"not known{hint or ';'} {what}: {', '.join(listed) or 'none'}"
+
+
+def spell(path: FieldPath) -> str:
+    """`conditions[2].alpha` for ("conditions", 1, "alpha"): entries are counted from 1, as a reader counts."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            text += f".{part}" if text else part
+    return text
+
+
+def show(value: object) -> str:
+    """A value as it may stand in the file, shortened."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    text = f'"{value}"' if isinstance(value, str) else str(value)
+    return text if len(text) <= _LONGEST_VALUE_SHOWN else text[: _LONGEST_VALUE_SHOWN - 1] + "…"
+
+
+def look_up(data: object, path: FieldPath) -> tuple[bool, Any]:
+    """Whether there is a value at the path, and the value."""
+    for part in path:
+        is_entry = isinstance(data, list) and isinstance(part, int) and 0 <= part < len(data)
+        if not is_entry and not (isinstance(data, Mapping) and part in data):
+            return False, None
+        data = data[part]  # type: ignore[index]
+    return True, data
+
+
+def line_numbers(text: str) -> dict[FieldPath, int]:
+    """The line of every table header and of every key that starts a line, by path."""
+    found: dict[FieldPath, int] = {}
+    counts: dict[FieldPath, int] = {}
+    table: FieldPath = ()
+    depth, closing = 0, ""  # inside a value that goes on over lines: open brackets, or a multi-line string
+    for number, line in enumerate(text.splitlines(), start=1):
+        if closing:
+            if closing in line:
+                closing = ""
+            continue
+        rest = line
+        if depth == 0:
+            header, key = _HEADER.match(line), _KEY.match(line)
+            if header and len(header.group(1)) == len(header.group(3)):
+                table = _table_path(header.group(2), counts, header.group(1) == "[[")
+                found.setdefault(table, number)
+                continue
+            if not key:
+                continue
+            found.setdefault((*table, key.group(1).strip("\"'")), number)
+            rest = key.group(2)
+        for quotes in ('"""', "'''"):
+            if rest.count(quotes) % 2:
+                closing = quotes
+        if not closing:
+            bare = re.sub(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|#.*", "", rest)
+            depth = max(0, depth + bare.count("[") + bare.count("{") - bare.count("]") - bare.count("}"))
+    return found
+
+
+def _table_path(header: str, counts: dict[FieldPath, int], is_array: bool) -> FieldPath:
+    path: FieldPath = ()
+    names = [name.strip(" \"'") for name in header.split(".")]
+    for position, name in enumerate(names):
+        path = (*path, name)
+        if is_array and position == len(names) - 1:
+            counts[path] = counts.get(path, -1) + 1
+        if path in counts:
+            path = (*path, counts[path])
+    return path
+
+
+def _line_of(path: FieldPath, lines: Mapping[FieldPath, int]) -> int:
+    """The line of the path or of the nearest thing around it; 0 when the file has no such place."""
+    while path and path not in lines:
+        path = path[:-1]
+    return lines.get(path, 0)
+
+
+def model_problems(model: type[pydantic.BaseModel], data: Mapping[str, Any]) -> tuple[Problem, ...]:
+    """Everything the model's types and bounds find wrong with the data; empty when `model_validate` takes it."""
+    try:
+        model.model_validate(data)
+    except pydantic.ValidationError as error:
+        return tuple(_translate(model, data, item) for item in error.errors(include_url=False))
+    return ()
+
+
+def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: Any) -> Problem:
+    path: FieldPath = tuple(error["loc"])
+    kind: str = error["type"]
+    context: Mapping[str, Any] = error.get("ctx", {})
+    if kind == "extra_forbidden":
+        owner = _model_at(model, path[:-1])
+        names = [name for name in owner.model_fields if name not in getattr(owner, "NOT_IN_FILE", ())]
+        return Problem(path, f"unknown field{closest(str(path[-1]), names) or ';'} fields here: {', '.join(names)}")
+    if kind == "missing":
+        return Problem(path, f"missing; {_expected(model, path)}")
+    if kind == "literal_error":
+        sentence = choices_sentence(error["input"], _literals(model, path))
+        return Problem(path, sentence)
+    if kind in {"too_short", "too_long"}:
+        limit = context.get("min_length", context.get("max_length"))
+        side = "at least" if kind == "too_short" else "at most"
+        return Problem(path, f"has {context['actual_length']} entries, must have {side} {limit}")
+    if kind == "string_too_short":
+        return Problem(path, "must not be empty")
+    if kind == "string_pattern_mismatch":
+        return Problem(path, "must be lower-case letters, digits and '_'")
+    if kind == "finite_number" or kind.startswith(("greater_than", "less_than")):
+        return Problem(path, _expected(model, path))
+    if kind.endswith(("_type", "_parsing", "_from_float")):
+        return Problem(path, f"{_expected(model, path)}, not {_noun(error['input'])}")
+    return Problem(path, str(error["msg"]))
+
+
+def _expected(model: type[pydantic.BaseModel], path: FieldPath) -> str:
+    """`must be a number above 0 and at most 0.2`, from the model's own field."""
+    field = _field_at(model, path)
+    if field is None:
+        return "must be a text" if path and isinstance(path[-1], int) else "must be given"
+    literals = _literals(model, path)
+    if literals:
+        return f"must be one of: {', '.join(literals)}"
+    nouns = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    annotation = field.annotation
+    if isinstance(path[-1], int) and get_args(annotation):
+        annotation = get_args(annotation)[0]
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        noun = "a table"
+    elif get_origin(annotation) is tuple:
+        noun = "a list"
+    elif isinstance(annotation, type) and annotation in nouns:
+        noun = nouns[annotation]
+    else:
+        noun = "a text or a list of texts" if annotation is None else "of the right type"
+    bounds = []
+    for item in field.metadata:
+        if isinstance(item, annotated_types.Gt):
+            bounds.append(f"above {item.gt}")
+        elif isinstance(item, annotated_types.Ge):
+            bounds.append(f"at least {item.ge}")
+        elif isinstance(item, annotated_types.Lt):
+            bounds.append(f"below {item.lt}")
+        elif isinstance(item, annotated_types.Le):
+            bounds.append(f"at most {item.le}")
+    return f"must be {noun} {' and '.join(bounds)}".rstrip()
+
+
+def _literals(model: type[pydantic.BaseModel], path: FieldPath) -> list[str]:
+    field = _field_at(model, path)
+    annotation: Any = field.annotation if field else None
+    while annotation is not None and get_origin(annotation) not in (None, typing.Literal):
+        arguments = get_args(annotation)
+        annotation = arguments[0] if arguments else None
+    return [str(choice) for choice in get_args(annotation)] if get_origin(annotation) is typing.Literal else []
+
+
+def _field_at(model: type[pydantic.BaseModel], path: FieldPath) -> FieldInfo | None:
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    return _model_at(model, path[:-1]).model_fields.get(str(path[-1])) if path else None
+
+
+def _model_at(model: type[pydantic.BaseModel], path: FieldPath) -> type[pydantic.BaseModel]:
+    """The model that describes the table at the path."""
+    for part in path:
+        if isinstance(part, int) or part not in model.model_fields:
+            continue
+        annotation: Any = model.model_fields[part].annotation
+        for candidate in (annotation, *get_args(annotation)):
+            if isinstance(candidate, type) and issubclass(candidate, pydantic.BaseModel):
+                model = candidate
+                break
+    return model
+
+
+def _noun(value: object) -> str:
+    nouns: tuple[tuple[type, str], ...] = (
+        (bool, "true or false"),
+        (int, "a whole number"),
+        (float, "a number"),
+        (str, "a text"),
+        (list, "a list"),
+        (dict, "a table"),
+    )
+    return next((noun for kind, noun in nouns if isinstance(value, kind)), type(value).__name__)
