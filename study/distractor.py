@@ -1,0 +1,192 @@
+"""The second task: sensor readings that call the hands away from the robot (paper IV-B).
+
+Everything is a function of trial time, which stands still during a pause. Reading k (from 1) is due at
+`first_s + (k - 1) * every_s` and stays open until it is answered, `answer_within_s` have passed, the next one is due,
+or the trial ends. Wall-clock times are only carried along, as text.
+
+On one screen (`same_page_away`) the pad is ignored from the moment a reading appears until it is closed and at least
+`away_min_s` have passed: that stands for putting the controller down and walking to the laptop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+from study.design import DistractorSettings
+from study.records import AlertRow, StudyError
+
+AlertStatus = Literal["open", "answered", "expired", "trial_ended"]
+AnswerResult = Literal["accepted", "late", "duplicate", "unknown", "empty"]
+"""`late`: the alert was closed without an answer. `duplicate`: it had one already, and that one stays.
+`unknown`: no such alert was raised. `empty`: nothing was typed. Only `accepted` changes anything."""
+
+MAX_ANSWER_CHARACTERS = 40
+
+
+@dataclass(frozen=True)
+class Alert:
+    """One reading, raised at `due_trial_s`. Times are as in `records.AlertRow`."""
+
+    alert: int
+    reading: str
+    due_trial_s: float
+    status: AlertStatus = "open"
+    shown_utc: str | None = None
+    heard_utc: str | None = None
+    answered_utc: str | None = None
+    answered_trial_s: float | None = None
+    answer: str | None = None
+
+    @property
+    def correct(self) -> bool | None:
+        """Whether the typed value equals the reading; None without an answer."""
+        return None if self.answer is None else _plain(self.answer) == _plain(self.reading)
+
+
+@dataclass(frozen=True)
+class DistractorState:
+    """The readings of one trial so far. `DistractorState(settings)` is the state before the first tick."""
+
+    settings: DistractorSettings
+    alerts: tuple[Alert, ...] = ()
+    is_over: bool = False
+
+    def due_s(self, alert: int) -> float:
+        """Trial time at which an alert is raised."""
+        return self.settings.first_s + (alert - 1) * self.settings.every_s
+
+    def deadline_s(self, alert: int) -> float:
+        """Trial time from which on an alert takes no answer."""
+        return min(self.due_s(alert) + self.settings.answer_within_s, self.due_s(alert + 1))
+
+    @property
+    def open_alert(self) -> Alert | None:
+        """The alert that waits for an answer; there is never more than one."""
+        return next((alert for alert in self.alerts if alert.status == "open"), None)
+
+    def alert(self, number: int) -> Alert | None:
+        """Alert `number`, from 1, or None when it was not raised yet."""
+        return self.alerts[number - 1] if 1 <= number <= len(self.alerts) else None
+
+    def advance(self, trial_s: float, reading: Callable[[int], str]) -> tuple[DistractorState, tuple[Alert, ...]]:
+        """The state at `trial_s`, and the alerts that were raised or expired on the way, in order.
+
+        `reading` gives the text of an alert (`design.reading` with the trial's plan).
+        """
+        if self.is_over or not self.settings.enabled:
+            return self, ()
+        state, changed = self, []
+        while True:
+            waiting, coming = state.open_alert, len(state.alerts) + 1
+            if waiting and trial_s >= state.deadline_s(waiting.alert):
+                closed = replace(waiting, status="expired")
+                state = state._with(closed)
+                changed.append(closed)
+            elif trial_s >= state.due_s(coming):
+                raised = Alert(coming, reading(coming), state.due_s(coming))
+                state = replace(state, alerts=(*state.alerts, raised))
+                changed.append(raised)
+            else:
+                return state, tuple(changed)
+
+    def answer(self, number: int, value: str, trial_s: float, utc: str) -> tuple[DistractorState, AnswerResult]:
+        """Log what was typed. Anything but `accepted` leaves the state as it is (see `AnswerResult`)."""
+        alert, typed = self.alert(number), value.strip()[:MAX_ANSWER_CHARACTERS]
+        if alert is None:
+            return self, "unknown"
+        if alert.status == "answered":
+            return self, "duplicate"
+        if alert.status != "open" or self.is_over or trial_s >= self.deadline_s(number):
+            return self, "late"
+        if not typed:
+            return self, "empty"
+        answered = replace(alert, status="answered", answer=typed, answered_trial_s=trial_s, answered_utc=utc)
+        return self._with(answered), "accepted"
+
+    def shown(self, number: int, utc: str) -> DistractorState:
+        """The page reported the alert visible; the first report counts, unknown alerts are ignored."""
+        alert = self.alert(number)
+        return self if alert is None or alert.shown_utc else self._with(replace(alert, shown_utc=utc))
+
+    def heard(self, number: int, utc: str) -> DistractorState:
+        """The page reported the sound played; the first report counts, unknown alerts are ignored."""
+        alert = self.alert(number)
+        return self if alert is None or alert.heard_utc else self._with(replace(alert, heard_utc=utc))
+
+    def close(self) -> tuple[DistractorState, tuple[Alert, ...]]:
+        """The trial is over: no more alerts; the one still open is returned closed."""
+        waiting, state = self.open_alert, replace(self, is_over=True)
+        if waiting is None:
+            return state, ()
+        closed = replace(waiting, status="trial_ended")
+        return state._with(closed), (closed,)
+
+    def locked(self, trial_s: float) -> bool:
+        """Whether the pad is ignored at this trial time (`same_page_away` only)."""
+        return self._covers(trial_s) and (self.open_alert is not None or self.release_in_s(trial_s) > 0.0)
+
+    def release_in_s(self, trial_s: float) -> float:
+        """Trial time until the panel may uncover the view, once no alert is open; 0 on a second device."""
+        if not self._covers(trial_s):
+            return 0.0
+        return max(0.0, self.alerts[-1].due_trial_s + self.settings.away_min_s - trial_s)
+
+    def row(self, alert: Alert, participant: str, condition: str, trial: int) -> AlertRow:
+        """What is recorded of an alert."""
+        correct = alert.correct
+        return AlertRow(
+            participant=participant,
+            condition=condition,
+            trial=trial,
+            alert=alert.alert,
+            placement=self.settings.placement,
+            reading=alert.reading,
+            due_trial_s=alert.due_trial_s,
+            shown_utc=alert.shown_utc,
+            heard_utc=alert.heard_utc,
+            answered_utc=alert.answered_utc,
+            answered_trial_s=alert.answered_trial_s,
+            answer=alert.answer,
+            correct=None if correct is None else int(correct),
+            status=alert.status,
+        )
+
+    def _covers(self, trial_s: float) -> bool:
+        if self.is_over or not self.alerts or self.settings.placement != "same_page_away":
+            return False
+        return trial_s >= self.alerts[-1].due_trial_s
+
+    def _with(self, alert: Alert) -> DistractorState:
+        position = alert.alert - 1
+        return replace(self, alerts=(*self.alerts[:position], alert, *self.alerts[position + 1 :]))
+
+
+def from_rows(settings: DistractorSettings, rows: Iterable[AlertRow]) -> DistractorState:
+    """The state that left these rows of one trial behind; alerts must be numbered 1, 2, 3, …"""
+    alerts = []
+    for expected, row in enumerate(sorted(rows, key=lambda row: row.alert), start=1):
+        if row.alert != expected:
+            raise StudyError(
+                f"alerts of {row.participant!r}, trial {row.trial}: found {row.alert}, expected {expected}"
+            )
+        alerts.append(
+            Alert(
+                alert=row.alert,
+                reading=row.reading,
+                due_trial_s=row.due_trial_s,
+                status=cast(AlertStatus, row.status),
+                shown_utc=row.shown_utc,
+                heard_utc=row.heard_utc,
+                answered_utc=row.answered_utc,
+                answered_trial_s=row.answered_trial_s,
+                answer=row.answer,
+            )
+        )
+    return DistractorState(settings, tuple(alerts), any(alert.status == "trial_ended" for alert in alerts))
+
+
+def _plain(value: str) -> str:
+    """A typed number as it is compared: no surrounding space, a decimal comma is a point."""
+    return value.strip().replace(",", ".")
