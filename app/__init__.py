@@ -1,0 +1,1 @@
+"""Shared Autonomy Lab: the running study, its arbiter and its web front."""

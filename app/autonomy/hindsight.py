@@ -1,0 +1,70 @@
+"""Goal-oriented reward: eq. 1 for each goal, and its expectation under the belief, hindsight optimisation
+(eq. 7)."""
+
+from __future__ import annotations
+
+import numpy.typing as npt
+
+from app.autonomy.arrays import (
+    FloatArray,
+    checked_goals_m,
+    checked_points_m,
+    checked_probabilities,
+    distances_m,
+)
+from app.autonomy.transition import TransitionModel
+
+
+def goal_rewards_m(
+    position_m: npt.ArrayLike, momentum: npt.ArrayLike, goals_m: npt.ArrayLike, model: TransitionModel
+) -> FloatArray:
+    """R_phi(x, u) = dist(x, phi) - dist(T(x, u), phi), eq. 1: (..., 3) states, (G, 3) goals -> (..., 27, G),
+    metres.
+
+    Goals are taken where they are now; they may move between calls.
+
+    Raises:
+        AutonomyError: states or goals that are not finite, or of the wrong shape.
+    """
+    positions_m = checked_points_m("position_m", position_m)
+    goals = checked_goals_m(goals_m)
+    next_positions_m = model.next_positions(positions_m, momentum)  # (..., 27, 3)
+    return distances_m(positions_m, goals)[..., None, :] - distances_m(next_positions_m, goals)
+
+
+def hindsight_reward(
+    position_m: npt.ArrayLike,
+    momentum: npt.ArrayLike,
+    goals_m: npt.ArrayLike,
+    probabilities: npt.ArrayLike,
+    model: TransitionModel,
+) -> FloatArray:
+    """R_HO(x, u) = sum_phi R_phi(x, u) b(phi), eq. 7, for every action: (..., 3) -> (..., 27), metres.
+
+    Raises:
+        AutonomyError: values that are not finite, shapes that do not match, or a belief that does not sum to
+            1.
+    """
+    rewards_m = goal_rewards_m(position_m, momentum, goals_m, model)  # (..., 27, G)
+    return rewards_m @ checked_probabilities(probabilities, rewards_m.shape[-1])
+
+
+def hindsight_reward_at(
+    positions_m: npt.ArrayLike,
+    from_position_m: npt.ArrayLike,
+    goals_m: npt.ArrayLike,
+    probabilities: npt.ArrayLike,
+) -> FloatArray:
+    """Eq. 7 as a map over places (paper Fig. 2B): the expected reward of standing at each of ``positions_m``
+    instead of at ``from_position_m``, sum_phi b(phi) (dist(from, phi) - dist(position, phi)): (N, 3) -> (N,),
+    metres.
+
+    Raises:
+        AutonomyError: values that are not finite, shapes that do not match, or a belief that does not sum to
+            1.
+    """
+    goals = checked_goals_m(goals_m)
+    belief = checked_probabilities(probabilities, goals.shape[0])
+    places_m = checked_points_m("positions_m", positions_m)
+    origin_m = checked_points_m("from_position_m", from_position_m)
+    return (distances_m(origin_m, goals) - distances_m(places_m, goals)) @ belief

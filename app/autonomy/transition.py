@@ -1,0 +1,88 @@
+"""T(x, u): what one action does to the state x = (position, momentum) (paper III-A).
+
+The momentum is "the currently active movement plan's direction": while a new plan is made, the arm still
+follows the old one. Two models of that delay:
+
+- ``mix``: for the share tau of the step the arm still follows the old direction,
+  p' = p + step (tau m + (1 - tau) u).
+- ``replan``: the arm stops and plans anew at each change of direction, so that continuing moves the full step
+  and any other direction (1 - d) of it; staying moves nothing.
+
+In both, m' = u. tau and d are ``planning_delay``, a share of one tick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from app.autonomy.actions import ACTION_COUNT, UNIT_DIRECTIONS, nearest_moves
+from app.autonomy.arrays import FloatArray, checked_momenta, checked_points_m
+from app.autonomy.errors import AutonomyError
+
+TransitionKind = Literal["mix", "replan"]
+
+MAX_STEP_M = 10.0
+
+
+@dataclass(frozen=True)
+class TransitionModel:
+    """The arbiter's model of the arm, not the arm itself.
+
+    Args:
+        kind: ``mix`` or ``replan``.
+        step_m: length of one modelled step in metres, in (0, 10]; the paper's largest Cartesian step is 0.05.
+        planning_delay: share of a tick lost to planning, in [0, 1].
+
+    Raises:
+        AutonomyError: a value outside these bounds.
+    """
+
+    kind: TransitionKind = "mix"
+    step_m: float = 0.05
+    planning_delay: float = 0.2
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(TransitionKind):
+            raise AutonomyError(f"kind is {self.kind!r}; choose one of {', '.join(get_args(TransitionKind))}")
+        if not 0.0 < self.step_m <= MAX_STEP_M:
+            raise AutonomyError(f"step_m is {self.step_m!r}; it must be in (0, {MAX_STEP_M:g}] metres")
+        if not 0.0 <= self.planning_delay <= 1.0:
+            raise AutonomyError(f"planning_delay is {self.planning_delay!r}; it must be in [0, 1] of a tick")
+
+    def displacements(self, momentum: npt.ArrayLike) -> FloatArray:
+        """p' - p in metres for each of the 27 actions: (..., 3) -> (..., 27, 3).
+
+        Raises:
+            AutonomyError: a momentum that is not finite or longer than 1.
+        """
+        momenta = checked_momenta(momentum)
+        if self.kind == "mix":
+            kept = (self.step_m * self.planning_delay) * momenta[..., None, :]  # (..., 1, 3)
+            return kept + (self.step_m * (1.0 - self.planning_delay)) * UNIT_DIRECTIONS
+        continues = np.arange(ACTION_COUNT) == nearest_moves(momenta)[..., None]  # (..., 27)
+        lengths_m = np.where(continues, self.step_m, self.step_m * (1.0 - self.planning_delay))
+        return lengths_m[..., None] * UNIT_DIRECTIONS
+
+    def next_positions(self, position_world_m: npt.ArrayLike, momentum: npt.ArrayLike) -> FloatArray:
+        """p' of T(x, u) for every action u: (..., 3) -> (..., 27, 3), world frame, metres.
+
+        ``position_world_m`` and ``momentum`` may be one state or a batch; their leading shapes broadcast.
+
+        Raises:
+            AutonomyError: values that are not finite, or a momentum longer than 1.
+        """
+        positions_m = checked_points_m("position_world_m", position_world_m)
+        return positions_m[..., None, :] + self.displacements(momentum)
+
+    def next_momenta(self, momentum: npt.ArrayLike) -> FloatArray:
+        """m' of T(x, u) for every action: (..., 3) -> (..., 27, 3); the action itself, whatever came before.
+
+        Raises:
+            AutonomyError: a momentum that is not finite or longer than 1.
+        """
+        momenta = checked_momenta(momentum)
+        return np.broadcast_to(UNIT_DIRECTIONS, (*momenta.shape[:-1], ACTION_COUNT, 3))
