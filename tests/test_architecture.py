@@ -26,11 +26,11 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.server app.pages app.auth app.dashboard app.api app.scene_proxy
+        app.__main__ app.server app.auth app.dashboard app.api app.scene_proxy
     """,
     "engine": """
         app.config app.lab app.worker app.workers app.worker_messages app.loop app.trial app.outcomes app.hands
-        app.parts app.pilot app.bots app.replay
+        app.parts app.pages app.pilot app.bots app.replay
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.objects sim.camera
@@ -69,7 +69,6 @@ PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_typ
 IMPURE_STDLIB = frozenset(
     {"asyncio", "http", "multiprocessing", "random", "secrets", "select", "socket", "sqlite3", "subprocess"}
     | {"tempfile", "threading", "time", "urllib"}
-)
 )
 
 
