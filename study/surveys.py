@@ -1,0 +1,197 @@
+"""Checking, recording and scoring answers: questionnaires, demographics, comprehension check, debrief.
+
+An answer that is missing, unknown or out of range is named, never dropped. Answers are recorded as given; reversing
+and averaging happen in `score`, which only the analysis calls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from study.design import Study
+from study.instruments import INSTRUMENTS, Instrument, Item
+from study.records import StudyError, SurveyAnswerRow
+from study.study_file import closest
+
+MAX_TEXT_CHARACTERS = 4000
+
+
+@dataclass(frozen=True)
+class AnswerProblem:
+    """One answer that cannot be taken; `field` is its place in the submitted data, such as `answers.tlx_raw.effort`."""
+
+    field: str
+    message: str
+
+
+class AnswerError(StudyError):
+    """Answers that cannot be scored or recorded; `problems` names each."""
+
+    def __init__(self, problems: Iterable[AnswerProblem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("; ".join(f"{problem.field}: {problem.message}" for problem in self.problems))
+
+
+def instrument(instrument_id: str) -> Instrument:
+    """The questionnaire of that id; `StudyError` names the ones there are."""
+    if instrument_id not in INSTRUMENTS:
+        raise StudyError(f"no questionnaire {instrument_id!r}; there are {list(INSTRUMENTS)}")
+    return INSTRUMENTS[instrument_id]
+
+
+def validate_answers(instrument_id: str, answers: object, field: str = "answers") -> tuple[AnswerProblem, ...]:
+    """Everything wrong with the answers {item: 1…points} to one questionnaire; empty when complete."""
+    form = instrument(instrument_id)
+    if not isinstance(answers, Mapping):
+        return (AnswerProblem(field, "must be an object of item id to answer"),)
+    found = [*_unknown(answers, [item.id for item in form.items], field)]
+    for item in form.items:
+        sentence = _scale_problem(item, answers, form.points)
+        if sentence:
+            found.append(AnswerProblem(f"{field}.{item.id}", f"{sentence}; answers are 1 to {form.points}"))
+    return tuple(found)
+
+
+def validate_surveys(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
+    """Everything wrong with the answers {questionnaire: {item: point}} after a trial."""
+    if not isinstance(answers, Mapping):
+        return (AnswerProblem("answers", "must be an object of questionnaire id to answers"),)
+    found = [*_unknown(answers, study.surveys, "answers")]
+    for instrument_id in study.surveys:
+        found += validate_answers(instrument_id, answers.get(instrument_id, {}), f"answers.{instrument_id}")
+    return tuple(found)
+
+
+def validate_demographics(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
+    """Everything wrong with the answers {item: option id, text or number}; not required items may be left out."""
+    if not isinstance(answers, Mapping):
+        return (AnswerProblem("answers", "must be an object of item id to answer"),)
+    found = [*_unknown(answers, [item.id for item in study.demographics], "answers")]
+    for item in study.demographics:
+        field, value = f"answers.{item.id}", answers.get(item.id)
+        if _is_blank(value):
+            if item.required:
+                found.append(AnswerProblem(field, "is missing"))
+        elif item.kind == "choice":
+            found += _choice_problem(field, value, [option.id for option in item.options])
+        elif item.kind == "number":
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                found.append(AnswerProblem(field, f"is {value!r}, must be a finite number"))
+        elif not isinstance(value, str) or len(value) > MAX_TEXT_CHARACTERS:
+            found.append(AnswerProblem(field, f"must be a text of at most {MAX_TEXT_CHARACTERS} characters"))
+    return tuple(found)
+
+
+def validate_comprehension(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
+    """Everything missing, unknown or wrong among the answers {question: option id}. The right answer is not told."""
+    if not isinstance(answers, Mapping):
+        return (AnswerProblem("answers", "must be an object of question id to option id"),)
+    questions = study.instructions.questions
+    found = [*_unknown(answers, [question.id for question in questions], "answers")]
+    for question in questions:
+        field, value = f"answers.{question.id}", answers.get(question.id)
+        problems = _choice_problem(field, value, [option.id for option in question.options])
+        if not problems and value != question.correct:
+            problems = [AnswerProblem(field, "is not right; please read the instructions again")]
+        found += problems
+    return tuple(found)
+
+
+def validate_debrief(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
+    """Everything wrong with the answers {question: text}; all of them may be left out."""
+    if not isinstance(answers, Mapping):
+        return (AnswerProblem("answers", "must be an object of question id to text"),)
+    found = [*_unknown(answers, [question.id for question in study.texts.debrief_questions], "answers")]
+    for question in study.texts.debrief_questions:
+        value = answers.get(question.id)
+        if value is not None and (not isinstance(value, str) or len(value) > MAX_TEXT_CHARACTERS):
+            message = f"must be a text of at most {MAX_TEXT_CHARACTERS} characters"
+            found.append(AnswerProblem(f"answers.{question.id}", message))
+    return tuple(found)
+
+
+def answer_rows(
+    participant: str,
+    instrument_id: str,
+    answers: Mapping[str, Any],
+    utc: str,
+    *,
+    condition: str | None = None,
+    trial: int | None = None,
+) -> tuple[SurveyAnswerRow, ...]:
+    """The rows of checked answers, in the order given; blank ones leave no row.
+
+    `instrument_id` is a questionnaire or one of demographics, comprehension and debrief.
+    """
+    return tuple(
+        SurveyAnswerRow(
+            participant=participant,
+            condition=condition,
+            trial=trial,
+            instrument=instrument_id,
+            item=item,
+            value=str(value),
+            answered_utc=utc,
+        )
+        for item, value in answers.items()
+        if not _is_blank(value)
+    )
+
+
+def score(instrument_id: str, answers: Mapping[str, int]) -> float:
+    """The mean of all items on 1 to 7 after reversing: usability (modified SUS) or workload (modified raw TLX).
+
+    Raises `AnswerError` when an item is missing, unknown or out of range: there is no score of half a questionnaire.
+    """
+    problems = validate_answers(instrument_id, answers)
+    if problems:
+        raise AnswerError(problems)
+    form = instrument(instrument_id)
+    points = [form.points + 1 - answers[item.id] if item.reversed else answers[item.id] for item in form.items]
+    return sum(points) / len(points)
+
+
+def describe(instrument_id: str) -> dict[str, Any]:
+    """A questionnaire as the page shows it: without directions and scoring."""
+    form = instrument(instrument_id)
+    return {
+        "id": form.id,
+        "title": form.title,
+        "intro": form.intro,
+        "source": form.source,
+        "points": form.points,
+        "items": [{"id": item.id, "text": item.text, "low": item.low, "high": item.high} for item in form.items],
+    }
+
+
+def _scale_problem(item: Item, answers: Mapping[str, object], points: int) -> str | None:
+    value = answers.get(item.id)
+    if value is None:
+        return "is missing"
+    if isinstance(value, bool) or not isinstance(value, int):
+        return f"is {value!r}, must be a whole number"
+    return None if 1 <= value <= points else f"is {value}"
+
+
+def _choice_problem(field: str, value: object, options: list[str]) -> list[AnswerProblem]:
+    if _is_blank(value):
+        return [AnswerProblem(field, "is missing")]
+    if value in options:
+        return []
+    return [AnswerProblem(field, f"is {value!r}; allowed: {', '.join(options)}")]
+
+
+def _unknown(answers: Mapping[Any, object], known: Iterable[str], field: str) -> Iterator[AnswerProblem]:
+    names = list(known)
+    for name in answers:
+        if name not in names:
+            yield AnswerProblem(
+                f"{field}.{name}", f"is not an item{closest(str(name), names) or ';'} items: {', '.join(names)}"
+            )
+
+
+def _is_blank(value: object) -> bool:
+    return value is None or (isinstance(value, str) and not value.strip())
