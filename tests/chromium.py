@@ -38,10 +38,7 @@ def candidates(environment: Mapping[str, str]) -> Iterator[str]:
 
 def _playwright_executable() -> str | None:
     # In a process of its own: the caller may be inside an event loop, where playwright's sync API refuses to start.
-    code = (
-        "from playwright.sync_api import sync_playwright as s\n"
-        "with s() as p: print(p.chromium.executable_path)"
-    )
+    code = "from playwright.sync_api import sync_playwright as s\nwith s() as p: print(p.chromium.executable_path)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     path = done.stdout.strip()
     return path if done.returncode == 0 and Path(path).is_file() else None

@@ -1,0 +1,149 @@
+"""Fixtures for every test: loopback only, a Chromium, a running lab."""
+
+from __future__ import annotations
+
+import ipaddress
+import itertools
+import os
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests import chromium
+from tests import lab_server as labs
+from tests.lab_server import LabServer
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, BrowserContext, Page
+
+CHROMIUM_ARGUMENTS = [
+    "--no-sandbox",  # tests run as root in containers
+    "--disable-gpu",
+    "--use-angle=swiftshader",  # WebGL without a graphics card
+    "--enable-unsafe-swiftshader",
+    "--mute-audio",
+    # It must ask nobody but the lab:
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+    "--no-first-run",
+]
+
+
+class NetworkForbidden(RuntimeError):
+    """A test tried to leave the machine."""
+
+
+def is_loopback(family: int, address: Any) -> bool:
+    """Whether a socket of `family` may connect to `address` in a test: unix sockets and loopback only."""
+    if family not in (socket.AF_INET, socket.AF_INET6):
+        return True
+    host = address[0]
+    if host in ("", "localhost"):
+        return True
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        return False  # a name: resolving it asks somebody else
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loopback_only() -> Iterator[None]:
+    """No test reaches beyond this machine (in this process; the lab's own pages are checked in the browser)."""
+    connect, connect_ex = socket.socket.connect, socket.socket.connect_ex
+
+    def check(sock: socket.socket, address: Any) -> None:
+        if not is_loopback(sock.family, address):
+            raise NetworkForbidden(f"a test tried to connect to {address}: tests stay on loopback")
+
+    def guarded_connect(sock: socket.socket, address: Any) -> None:
+        check(sock, address)
+        connect(sock, address)
+
+    def guarded_connect_ex(sock: socket.socket, address: Any) -> int:
+        check(sock, address)
+        return connect_ex(sock, address)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(socket.socket, "connect", guarded_connect)
+        patch.setattr(socket.socket, "connect_ex", guarded_connect_ex)
+        yield
+
+
+# --- a browser ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def chromium_path() -> Path:
+    """The Chromium to drive: $CHROMIUM, else one on PATH, else playwright's own."""
+    try:
+        return chromium.find()
+    except chromium.NoChromium as error:
+        pytest.fail(str(error), pytrace=False)
+
+
+@pytest.fixture(scope="module")
+def browser(chromium_path: Path) -> Iterator[Browser]:
+    """A headless Chromium through playwright's sync API, one for each test module.
+
+    Not one for the session: while playwright's sync API is running, no other event loop can start in this thread,
+    so a module that uses it has no async tests, and modules with async tests find it ended.
+    """
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=chromium_path, args=CHROMIUM_ARGUMENTS)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    """A fresh profile: no cookies, no storage, 1280x720. More pages in it are tabs of the same person."""
+    fresh = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    yield fresh
+    fresh.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext) -> Page:
+    return context.new_page()
+
+
+@pytest.fixture(scope="session")
+def screenshot_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pictures for people go: $SALAB_SCREENSHOTS, else a temporary folder."""
+    chosen = os.environ.get("SALAB_SCREENSHOTS")
+    folder = Path(chosen) if chosen else tmp_path_factory.mktemp("screenshots")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+# --- a running lab -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def lab_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
+    """One lab for the whole session, for tests that only add participants of their own to it."""
+    with labs.start(tmp_path_factory.mktemp("lab") / "data") as running:
+        yield running
+
+
+@pytest.fixture
+def start_lab(tmp_path: Path) -> Iterator[Callable[..., LabServer]]:
+    """Starts labs of this test's own: `start_lab("--study", path, data_dir=..., environment={...})`."""
+    running: list[LabServer] = []
+    numbers = itertools.count()
+
+    def start(*arguments: str, data_dir: Path | None = None, environment: dict[str, str] | None = None) -> LabServer:
+        folder = data_dir or tmp_path / f"data{next(numbers)}"
+        running.append(labs.start(folder, *arguments, environment=environment))
+        return running[-1]
+
+    yield start
+    for server in reversed(running):
+        server.close()
