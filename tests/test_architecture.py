@@ -20,6 +20,11 @@ from pathlib import Path
 
 import pytest
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("app", "sim", "study")
 
@@ -30,17 +35,17 @@ MODULES = {
     """,
     "engine": """
         app.config app.lab app.worker app.workers app.worker_messages app.loop app.trial app.outcomes app.hands
-        app.parts app.pages app.pilot app.bots app.replay
+        app.parts app.cycles app.planning app.session app.steps app.pages app.pilot app.bots app.replay
     """,
     "adapters": """
-        sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.objects sim.camera
-        study.store study.analysis study.figures study.export
+        sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props sim.objects sim.camera
+        study.store study.writer study.fingerprint study.analysis study.figures study.export
     """,
     "pure": """
         app.messages
         app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief app.autonomy.calibration
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
-        sim.interface sim.fetch sim.ik sim.layouts sim.meshes sim.props
+        sim.interface sim.fetch sim.ik sim.layouts
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.instruments study.records study.measures
     """,
@@ -145,7 +150,7 @@ def violations(sources: Mapping[str, str], layer_of: Mapping[str, str] = LAYER_O
                 found.extend(_project_import(where, module, known_module(name, layer_of), layer_of))
             else:
                 found.extend(_outside_import(where, module, name.split(".")[0], layer_of))
-    return found
+    return list(dict.fromkeys(found))  # `from a import b, c` says it once
 
 
 def _project_import(where: str, module: str, target: str, layer_of: Mapping[str, str]) -> Iterator[str]:
@@ -220,6 +225,14 @@ def test_allowed_imports_are_silent() -> None:
 def test_the_table_names_only_modules_that_exist() -> None:
     gone = sorted(set(LAYER_OF) - set(project_sources()))
     assert not gone, f"remove from MODULES in tests/test_architecture.py, or write: {', '.join(gone)}"
+
+
+def test_every_pure_module_is_checked_strictly() -> None:
+    overrides = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]["overrides"]
+    strict = [pattern for entry in overrides if entry.get("ignore_errors") is False for pattern in entry["module"]]
+    pure = {module for module, layer in LAYER_OF.items() if layer == "pure"} - {"app", "sim", "study"}
+    left_out = sorted(m for m in pure if not any(m == p or m.startswith(p.removesuffix("*")) for p in strict))
+    assert not left_out, f"add to the strict modules under [tool.mypy] in pyproject.toml: {', '.join(left_out)}"
 
 
 @pytest.mark.parametrize(
