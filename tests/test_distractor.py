@@ -1,0 +1,154 @@
+"""The distractor as a function of trial time: when readings come, what becomes of answers, when the pad is ignored."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study.design import DistractorSettings
+from study.distractor import DistractorState, from_rows
+from study.records import StudyError
+
+UTC = "2026-01-01T00:00:00+00:00"
+
+
+def reading(alert: int) -> str:
+    return f"{100 + alert}.5"
+
+
+def start(**changes: object) -> DistractorState:
+    return DistractorState(DistractorSettings.model_validate(changes))
+
+
+def at(state: DistractorState, trial_s: float) -> DistractorState:
+    """The state after ticking to `trial_s`."""
+    for tick in range(int(trial_s * 2) + 1):
+        state, _ = state.advance(tick * 0.5, reading)
+    return state
+
+
+def statuses(state: DistractorState) -> list[str]:
+    return [alert.status for alert in state.alerts]
+
+
+def test_readings_come_at_ten_seconds_and_every_twenty() -> None:
+    state, raised = start(), []
+    for tick in range(200):
+        state, changed = state.advance(tick * 0.5, reading)
+        raised += [(tick * 0.5, alert.alert, alert.reading) for alert in changed if alert.status == "open"]
+    assert raised == [(10, 1, "101.5"), (30, 2, "102.5"), (50, 3, "103.5"), (70, 4, "104.5"), (90, 5, "105.5")]
+
+
+def test_a_reading_nobody_logs_expires_when_the_next_one_comes() -> None:
+    state = at(start(), 29.5)
+    assert statuses(state) == ["open"]
+    state, changed = state.advance(30.0, reading)
+    assert [(alert.alert, alert.status) for alert in changed] == [(1, "expired"), (2, "open")]
+
+
+def test_a_shorter_time_to_answer_ends_it_earlier() -> None:
+    state = at(start(answer_within_s=8), 17.5)
+    assert statuses(state) == ["open"]
+    state, changed = state.advance(18.0, reading)
+    assert [(alert.alert, alert.status) for alert in changed] == [(1, "expired")]
+    assert state.open_alert is None
+
+
+@pytest.mark.parametrize(
+    ("typed", "correct"), [("101.5", 1), (" 101,5 ", 1), ("101.6", 0), ("1015", 0), ("x" * 100, 0)]
+)
+def test_an_answer_is_recorded_as_typed_and_judged(typed: str, correct: int) -> None:
+    state, result = at(start(), 12.0).answer(1, typed, 12.0, UTC)
+    row = state.row(state.alerts[0], "P001", "balanced", 2)
+    assert result == "accepted"
+    assert (row.status, row.correct, row.answered_trial_s, row.answered_utc) == ("answered", correct, 12.0, UTC)
+    assert row.answer == typed.strip()[:40]
+
+
+def test_answers_that_cannot_count_change_nothing() -> None:
+    state = at(start(), 12.0)
+    assert state.answer(2, "1", 12.0, UTC) == (state, "unknown")
+    assert state.answer(0, "1", 12.0, UTC) == (state, "unknown")
+    assert state.answer(-1, "1", 12.0, UTC) == (state, "unknown")
+    assert state.answer(1, "  ", 12.0, UTC) == (state, "empty")
+    answered, _ = state.answer(1, "101.5", 12.0, UTC)
+    assert answered.answer(1, "999", 13.0, UTC) == (answered, "duplicate")
+    later = at(state, 31.0)
+    assert later.answer(1, "101.5", 31.0, UTC) == (later, "late")
+    assert state.answer(1, "101.5", 30.0, UTC) == (state, "late")  # the tick at 30 s has not run yet
+    over, _ = state.close()
+    assert over.answer(1, "101.5", 12.5, UTC) == (over, "late")
+
+
+def test_the_first_report_of_seen_and_heard_counts() -> None:
+    state = at(start(), 10.0).shown(1, "a").shown(1, "b").heard(1, "c").heard(1, "d").shown(7, "e")
+    assert (state.alerts[0].shown_utc, state.alerts[0].heard_utc) == ("a", "c")
+
+
+def test_the_end_of_the_trial_closes_what_is_open_and_raises_no_more() -> None:
+    state, closed = at(start(), 12.0).close()
+    assert [alert.status for alert in closed] == ["trial_ended"]
+    assert state.advance(1000.0, reading) == (state, ())
+    assert not state.locked(12.0)
+    assert at(start(), 5.0).close()[1] == ()
+
+
+def test_one_screen_ignores_the_pad_until_the_answer_is_in_and_five_seconds_have_passed() -> None:
+    state = at(start(), 9.5)
+    assert not state.locked(9.5)
+    state = at(state, 11.0)
+    assert state.locked(11.0)
+    quick, _ = state.answer(1, "101.5", 11.0, UTC)
+    assert quick.locked(11.0)
+    assert quick.release_in_s(11.0) == 4.0
+    assert quick.locked(14.5)
+    assert not quick.locked(15.0)
+    assert quick.release_in_s(15.0) == 0.0
+    slow = at(state, 20.0)
+    assert slow.locked(20.0)
+    slow, _ = slow.answer(1, "101.5", 20.0, UTC)
+    assert not slow.locked(20.0)
+
+
+def test_an_expired_reading_releases_the_pad() -> None:
+    state = at(start(answer_within_s=8), 18.0)
+    assert statuses(state) == ["expired"]
+    assert not state.locked(18.0)
+
+
+def test_a_second_device_never_locks_the_pad() -> None:
+    state = at(start(placement="second_device"), 11.0)
+    assert state.open_alert is not None
+    assert not state.locked(11.0)
+    assert state.release_in_s(11.0) == 0.0
+
+
+def test_a_study_without_distractor_raises_nothing() -> None:
+    assert at(start(enabled=False), 100.0).alerts == ()
+
+
+def test_the_state_comes_back_from_its_rows() -> None:
+    state, _ = at(start(), 35.0).shown(2, UTC).answer(2, "7", 35.0, UTC)
+    state = at(state, 52.0)
+    rows = [state.row(alert, "P001", "balanced", 1) for alert in state.alerts]
+    assert from_rows(state.settings, reversed(rows)) == state
+    with pytest.raises(StudyError, match="found 3, expected 2"):
+        from_rows(state.settings, [rows[0], rows[2]])
+
+
+@given(st.floats(0, 30), st.floats(0.5, 40), st.floats(0.1, 1), st.lists(st.integers(0, 400), max_size=30))
+def test_there_is_never_more_than_one_open_and_times_are_kept(
+    first_s: float, every_s: float, share: float, ticks: list[int]
+) -> None:
+    state = start(first_s=first_s, every_s=every_s, answer_within_s=every_s * share, away_min_s=0)
+    for tick in sorted(ticks):  # ticks may be missing: what is due in between still happens
+        trial_s = tick * 0.5
+        state, _ = state.advance(trial_s, reading)
+        assert statuses(state).count("open") <= 1
+        assert all(alert.due_trial_s <= trial_s for alert in state.alerts)
+        assert state.due_s(len(state.alerts) + 1) > trial_s
+        if tick % 3 == 0 and state.open_alert:
+            state, result = state.answer(state.open_alert.alert, "1", trial_s, UTC)
+            assert result == "accepted"
+    assert [alert.alert for alert in state.alerts] == list(range(1, len(state.alerts) + 1))

@@ -1,0 +1,284 @@
+"""The protocol's table, driven with plain values: what is allowed when, and what has to happen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study.protocol import (
+    EVENTS,
+    NEEDS,
+    RULES,
+    SKIPPABLE,
+    STATES,
+    TERMINAL,
+    BeginTicks,
+    Effect,
+    Event,
+    EventName,
+    Finish,
+    IllegalEvent,
+    PauseTicks,
+    ResumeTicks,
+    Session,
+    StartWorker,
+    StopWorker,
+    advance,
+    allowed,
+    from_json,
+    new_session,
+    replay,
+    restore,
+    to_json,
+)
+from study.records import StudyError
+
+TO_TRIAL: tuple[EventName, ...] = (
+    "consent_given",
+    "demographics_done",
+    "setup_done",
+    "instructions_done",
+    "start",
+    "practice_done",
+    "start",
+)
+
+
+def run(session: Session, *events: EventName | Event) -> tuple[Session, tuple[Effect, ...]]:
+    return replay(session, [(event, float(second)) for second, event in enumerate(events)])
+
+
+def in_trial() -> Session:
+    return run(new_session("P001", 3), *TO_TRIAL)[0]
+
+
+def test_a_participant_goes_from_consent_to_thanks() -> None:
+    each: tuple[EventName, ...] = ("start", "practice_done", "start", "trial_done", "survey_done")
+    session, effects = run(
+        new_session("P001", 3), *TO_TRIAL[:4], *each, "continue", *each, "continue", *each, "debrief_done"
+    )
+    assert (session.state, session.outcome, session.trial) == ("done", "done", 3)
+    expected: list[Effect] = []
+    for trial in (1, 2, 3):
+        expected += [StartWorker("practice", trial), BeginTicks(), StopWorker()]
+        expected += [StartWorker("trial", trial), BeginTicks(), StopWorker()]
+    assert list(effects) == [*expected, Finish("done")]
+
+
+def test_states_are_visited_in_the_order_of_the_study() -> None:
+    session, visited = new_session("P001", 2), ["consent"]
+    order: dict[str, EventName] = {state: event for state, event in RULES if event != "consent_declined"}
+    while not session.is_over:
+        session, _ = advance(session, order[session.state], 0.0)
+        visited.append(session.state)
+    per_trial = ["practice_ready", "practice", "trial_ready", "trial", "survey"]
+    head = ["consent", "demographics", "setup", "instructions"]
+    assert visited == [*head, *per_trial, "break", *per_trial, "debrief", "done"]
+
+
+def test_what_a_study_leaves_out_is_not_visited() -> None:
+    session = new_session("P001", 2, SKIPPABLE)
+    session, effects = run(
+        session, "consent_given", "setup_done", "instructions_done", "start", "trial_done", "continue"
+    )
+    assert (session.state, session.trial) == ("trial_ready", 2)
+    assert effects == (StartWorker("trial", 1), BeginTicks(), StopWorker(), StartWorker("trial", 2))
+    session, _ = run(session, "start", "trial_done")
+    assert session.state == "debrief"
+
+
+def test_an_illegal_event_names_state_event_and_what_is_allowed() -> None:
+    with pytest.raises(IllegalEvent) as caught:
+        advance(new_session("P001", 3), "start", 0.0)
+    assert (caught.value.state, caught.value.event) == ("consent", "start")
+    assert str(caught.value) == (
+        "event 'start' is not allowed in state 'consent'; allowed: consent_given, consent_declined, "
+        "connection_lost, experimenter_pause, withdraw, abort"
+    )
+    done, _ = advance(new_session("P001", 3), "withdraw", 0.0)
+    with pytest.raises(IllegalEvent, match="none, the session is over"):
+        advance(done, "start", 0.0)
+
+
+def test_declining_consent_is_not_withdrawing() -> None:
+    session, effects = advance(new_session("P001", 3), "consent_declined", 1.0)
+    assert (session.state, session.outcome) == ("withdrawn", "declined")
+    assert effects == (Finish("declined"),)
+
+
+# ---- pausing
+
+
+def test_a_lost_connection_pauses_a_trial_until_the_participant_resumes() -> None:
+    paused, effects = advance(in_trial(), "connection_lost", 50.0)
+    assert (paused.state, paused.resume_to, paused.causes) == ("paused", "trial", {"connection"})
+    assert (paused.since_s, effects) == (50.0, (PauseTicks(),))
+    back, effects = advance(paused, "resume", 60.0)
+    assert (back.state, back.resume_to, back.causes, back.trial) == ("trial", None, frozenset(), 1)
+    assert effects == (ResumeTicks(),)
+
+
+@pytest.mark.parametrize("state", ["consent", "survey", "practice_ready", "trial_ready", "break", "debrief"])
+def test_a_lost_connection_changes_nothing_where_nothing_runs(state: str) -> None:
+    session = Session("P001", 3, state=state)  # type: ignore[arg-type]
+    assert advance(session, "connection_lost", 9.0) == (session, ())
+
+
+def test_two_causes_must_both_go() -> None:
+    paused, effects = run(in_trial(), "connection_lost", "experimenter_pause")
+    assert paused.causes == {"connection", "experimenter"}
+    assert effects == (PauseTicks(),)
+    for first, second in (("resume", "experimenter_resume"), ("experimenter_resume", "resume")):
+        half, effects = advance(paused, first, 1.0)  # type: ignore[arg-type]
+        assert (half.state, effects) == ("paused", ())
+        with pytest.raises(IllegalEvent):
+            advance(half, first, 2.0)  # type: ignore[arg-type]
+        whole, effects = advance(half, second, 3.0)  # type: ignore[arg-type]
+        assert (whole.state, effects) == ("trial", (ResumeTicks(),))
+
+
+def test_only_the_experimenter_ends_the_experimenters_pause() -> None:
+    paused, _ = advance(in_trial(), Event("experimenter_pause", "phone rang"), 1.0)
+    assert paused.reason == "phone rang"
+    with pytest.raises(IllegalEvent):
+        advance(paused, "resume", 2.0)
+    assert advance(paused, "experimenter_resume", 2.0)[0] == replace(in_trial(), since_s=2.0)
+
+
+def test_the_experimenter_pauses_any_live_state_and_comes_back_to_it() -> None:
+    for state in STATES:
+        if state in TERMINAL or state == "paused":
+            continue
+        session = Session("P001", 3, state=state, trial=2)
+        paused, effects = advance(session, "experimenter_pause", 1.0)
+        assert effects == ((PauseTicks(),) if session.is_ticking else ())
+        back, _ = advance(paused, "experimenter_resume", 2.0)
+        assert (back.state, back.trial) == (state, 2)
+
+
+def test_a_trial_that_ends_while_a_pause_is_on_its_way_has_ended() -> None:
+    paused, _ = advance(in_trial(), "experimenter_pause", 1.0)
+    ended, effects = advance(paused, "trial_done", 1.5)
+    assert (ended.state, ended.resume_to, effects) == ("paused", "survey", (StopWorker(),))
+    assert advance(ended, "experimenter_resume", 2.0)[0].state == "survey"
+    # A survey waits for nobody's connection, so that pause is over at once.
+    lost, _ = advance(in_trial(), "connection_lost", 1.0)
+    ended, effects = advance(lost, "trial_done", 1.5)
+    assert (ended.state, ended.causes, effects) == ("survey", frozenset(), (StopWorker(),))
+
+
+@pytest.mark.parametrize("name", ["withdraw", "abort"])
+def test_leaving_stops_the_worker_and_keeps_the_reason(name: EventName) -> None:
+    for session in (in_trial(), advance(in_trial(), "connection_lost", 1.0)[0]):
+        gone, effects = advance(session, Event(name, "too hot"), 5.0)
+        outcome = "withdrawn" if name == "withdraw" else "aborted"
+        assert (gone.state, gone.outcome, gone.reason) == (outcome, outcome, "too hot")
+        assert effects == (StopWorker(), Finish(gone.outcome))  # type: ignore[arg-type]
+
+
+# ---- storing
+
+
+def test_a_restored_trial_waits_for_its_participant_with_its_worker_back() -> None:
+    session, effects = restore(from_json(to_json(in_trial())), 99.0)
+    assert (session.state, session.resume_to, session.causes) == ("paused", "trial", {"connection"})
+    assert effects == (StartWorker("trial", 1),)
+    session, effects = advance(session, "resume", 100.0)
+    assert (session.state, effects) == ("trial", (ResumeTicks(),))
+
+
+def test_a_restored_form_is_just_shown_again() -> None:
+    session = Session("P001", 3, state="survey", trial=2)
+    assert restore(session, 9.0) == (session, ())
+    ready = Session("P001", 3, state="practice_ready", trial=2)
+    assert restore(ready, 9.0) == (ready, (StartWorker("practice", 2),))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"consent"', '"lunch"', "state = 'lunch'"),
+        ('"trial": 1', '"trial": 9', "trial = 9"),
+        ('"causes": []', '"causes": ["boredom"]', "causes"),
+        ('"resume_to": null', '"resume_to": "trial"', "resume_to"),
+        ('"outcome": null', '"outcome": "done"', "outcome"),
+        ('"trials"', '"rounds"', "not a stored session"),
+        ("{", "", "not a stored session"),
+    ],
+)
+def test_a_damaged_stored_session_is_refused(old: str, new: str, says: str) -> None:
+    with pytest.raises(StudyError, match=says):
+        from_json(to_json(new_session("P001", 3)).replace(old, new, 1))
+
+
+def test_a_session_needs_a_trial_and_skips_only_what_can_be_skipped() -> None:
+    with pytest.raises(StudyError, match="trials is 0"):
+        new_session("P001", 0)
+    with pytest.raises(StudyError, match=r"cannot skip \['consent'\]"):
+        new_session("P001", 3, ["consent"])
+
+
+# ---- properties
+
+
+@given(
+    st.integers(1, 3),
+    st.sets(st.sampled_from(sorted(SKIPPABLE))),
+    st.lists(st.integers(0, 10**6), max_size=60),
+)
+def test_no_sequence_of_legal_events_leaves_the_map(trials: int, skips: set[str], choices: list[int]) -> None:
+    """Whatever happens: a defined state, effects that fit the worker there is, and an end that is an end."""
+    session = new_session("P001", trials, skips)
+    worker, ticking = None, False
+    for choice in choices:
+        events = allowed(session)
+        if not events:
+            assert session.state in TERMINAL
+            break
+        session, effects = advance(session, events[choice % len(events)], float(choice))
+        assert session.state in STATES
+        assert 1 <= session.trial <= trials
+        assert not ({session.state, session.resume_to} & set(skips))
+        assert (session.state == "paused") == bool(session.causes) == (session.resume_to is not None)
+        assert from_json(to_json(session)) == session
+        for effect in effects:
+            if isinstance(effect, StartWorker):
+                assert worker is None
+                worker = (effect.kind, effect.trial)
+            elif isinstance(effect, StopWorker):
+                assert worker is not None
+                worker, ticking = None, False
+            elif isinstance(effect, (BeginTicks, ResumeTicks)):
+                assert worker is not None
+                assert not ticking
+                ticking = True
+            elif isinstance(effect, PauseTicks):
+                assert ticking
+                ticking = False
+            else:
+                assert session.is_over
+        assert (worker, ticking) == (session.worker, session.is_ticking)
+    if session.is_over:
+        for event in EVENTS:
+            with pytest.raises(IllegalEvent):
+                advance(session, event, 0.0)
+
+
+@given(st.sampled_from([state for state in STATES if state != "paused"]), st.sampled_from(EVENTS))
+def test_allowed_is_exactly_what_advance_takes(state: str, event: EventName) -> None:
+    session = Session("P001", 3, state=state, trial=2)  # type: ignore[arg-type]
+    if event in allowed(session):
+        advance(session, event, 1.0)
+    else:
+        with pytest.raises(IllegalEvent):
+            advance(session, event, 1.0)
+
+
+def test_every_state_can_be_reached_and_left() -> None:
+    reached = {"consent", *RULES.values(), "debrief", "paused", "withdrawn", "aborted"}
+    assert reached == set(STATES)
+    assert {state for state, _ in RULES} | TERMINAL | {"paused"} == set(STATES)
+    assert set(NEEDS) <= set(STATES)
