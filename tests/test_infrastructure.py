@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests import chromium
+from tests import chromium, lab_server
 from tests.conftest import NetworkForbidden, is_loopback
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -64,12 +65,39 @@ def test_a_named_chromium_comes_first_and_a_wrong_one_is_an_error(tmp_path: Path
         chromium.find({"PATH": str(tmp_path), "CHROMIUM": str(tmp_path / "absent")})
 
 
+# --- starting a lab ----------------------------------------------------------------------------------------------
+
+
+def stand_in(root: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something else that is started by `python -m app serve`."""
+    (root / "app").mkdir()
+    (root / "app" / "__main__.py").write_text(body, encoding="utf-8")
+    monkeypatch.setattr(lab_server, "ROOT", root)
+
+
+def test_a_lab_is_ready_when_it_says_so_and_ended_by_its_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    links = '{"base_url": "http://127.0.0.1:5/", "experimenter_link": "e", "demo_link": "d"}'
+    stand_in(tmp_path, f"import signal\nprint('starting')\nprint('READY {links}')\nsignal.pause()", monkeypatch)
+    with lab_server.start(tmp_path / "data") as lab:
+        assert (lab.base_url, lab.experimenter_link, lab.demo_link) == ("http://127.0.0.1:5", "e", "d")
+        assert lab.process.poll() is None
+    assert lab.process.returncode == -signal.SIGTERM
+    assert lab.log().startswith("starting\nREADY")
+
+
+def test_a_lab_that_does_not_start_shows_what_it_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(tmp_path, "import sys\nsys.exit('port 80 is taken')", monkeypatch)
+    with pytest.raises(lab_server.LabDidNotStart, match=r"ended with 1:\nport 80 is taken"):
+        lab_server.start(tmp_path / "data")
+
+
 # --- make --------------------------------------------------------------------------------------------------------
 
 
 def make(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """`make` as a user types it, free of what an outer `make test` hands down."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    ours = ("MAKE", "MFLAGS", "PYTHON", "VENV", "PORT", "DATA")
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
     found = shutil.which("make")
     assert found, "make is not on PATH"
     return subprocess.run(
