@@ -1,8 +1,8 @@
 """The wire between a participant's page (or a bot) and the lab: every message, typed.
 
-The same models check what arrives and document the protocol: `describe()` prints them, and the README's protocol
-section is made from it. A page speaks `ClientMessage`, the lab speaks `ServerMessage`; both are JSON objects with a
-`type`. Nothing the lab sends carries the condition, the belief or a score.
+The same models check what arrives and document the protocol (`/api/protocol` serves their schemas). A page speaks
+`ClientMessage`, the lab speaks `ServerMessage`; both are JSON objects with a `type`. Nothing the lab sends carries the
+condition, the belief or a score.
 
 Every `submit` and `note` has an `id` chosen by the client. It is acknowledged when it is on disk; a client resends what
 is unacknowledged, and the lab takes the same `id` once. An `input` is acknowledged by `tick.seq`: the last sequence
@@ -39,6 +39,8 @@ class Hello(Message):
     protocol: int
     client: Identifier
     """Made by the tab, kept over a reload."""
+    telemetry: bool = False
+    """Ask for `world` messages: what the scene shows, in numbers, for clients that have no eyes."""
 
 
 class Input(Message):
@@ -122,9 +124,7 @@ class Pong(Message):
     n: Sequence
 
 
-ClientMessage = Annotated[
-    Hello | Input | Heartbeat | Submit | Note | View | Pong, Field(discriminator="type")
-]
+ClientMessage = Annotated[Hello | Input | Heartbeat | Submit | Note | View | Pong, Field(discriminator="type")]
 
 
 class Welcome(Message):
@@ -185,11 +185,24 @@ class Tick(Message):
     """One line about the task that just ended, for the participant."""
 
 
+class World(Message):
+    """What the scene shows, in numbers: positions in the world frame in metres. Sent before each `tick` on request."""
+
+    type: Literal["world"] = "world"
+    position_m: tuple[float, float, float]
+    held: str | None
+    gripper: Literal["open", "closed", "moving"]
+    objects_m: dict[str, tuple[float, float, float]]
+    """Where the fingers would close around each object."""
+    bins_m: dict[str, tuple[float, float, float]]
+    """Where the gripper would let go above each bin."""
+
+
 class Status(Message):
     """The robot is not running ticks, or runs again. `held` = this page's heartbeat is missing."""
 
     type: Literal["status"] = "status"
-    status: Literal["ready", "running", "paused", "held", "recovering"]
+    status: Literal["starting", "ready", "running", "paused", "held", "recovering"]
     reason: str | None = None
 
 
@@ -251,18 +264,7 @@ class Ping(Message):
 
 
 ServerMessage = Annotated[
-    Welcome
-    | Page
-    | Instruction
-    | Tick
-    | Status
-    | Alert
-    | AlertClosed
-    | Ack
-    | Error
-    | Superseded
-    | Notice
-    | Ping,
+    Welcome | Page | Instruction | Tick | Status | Alert | AlertClosed | Ack | Error | Superseded | Notice | Ping,
     Field(discriminator="type"),
 ]
 

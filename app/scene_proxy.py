@@ -54,7 +54,7 @@ html, body, #root { background: radial-gradient(120% 90% at 50% 30%, #5b6672 0%,
   overflow: hidden; }
 body { pointer-events: none; user-select: none; }
 body * { pointer-events: none !important; }
-#root > * { background: transparent !important; }
+#root * { background: transparent !important; }
 /* Only the picture: no panels, notices, logo, palette, frame rate. */
 body > *:not(#root):not(script):not(style), .mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root,
 .mantine-ActionIcon-root, .stats-panel, [title="About Viser"], [data-mantine-shared-portal-node] {

@@ -188,7 +188,9 @@ class Study(_Part):
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
-    heartbeat_timeout_s: float = _number(default=1.5, ge=0.5, le=30.0)
+    heartbeat_timeout_s: float = _number(default=0.5, ge=0.3, le=30.0)
+    """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
+    taken for hands off."""
     layout: Identifier
     objects: Annotated[tuple[Identifier, ...], Field(min_length=1)]
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]

@@ -125,6 +125,7 @@ class TickRow:
     gripper_input: str | None = column("Gripper button pressed for this tick", levels=("open", "close"))
     gripper: str = column("Gripper at the end of the tick", levels=("open", "closed", "moving"))
     held: str | None = column("Object id held at the end of the tick; blank = none")
+    after_pause: int = column("1 = first tick after a pause or a lost connection", unit="0/1")
     goals: str = column(
         "JSON: candidate goal id to its position [x, y, z] at the start of the tick", unit="m"
     )

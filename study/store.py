@@ -12,7 +12,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -22,7 +22,7 @@ from typing import IO, Any, cast
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
-from study.design import Study, next_order
+from study.design import Study, next_order, plan_session
 from study.fingerprint import machine_fingerprint
 from study.protocol import Session, from_json, new_session, to_json
 from study.records import (
@@ -90,7 +90,14 @@ class Cycle:
 
 _METADATA = sql.MetaData()
 _SQL_TYPES: Mapping[str, Any] = {"str": sql.Text, "int": sql.Integer, "float": sql.Float}
-_PYTHON_TYPES: Mapping[str, type] = {"str": str, "int": int, "float": float}
+
+
+def _text(value: object) -> str:
+    """Text as SQLite and a CSV reader take it: no NUL, no half of a surrogate pair."""
+    return str(value).replace("\0", "").encode("utf-8", "replace").decode("utf-8")
+
+
+_CASTS_OF: Mapping[str, Callable[[Any], Any]] = {"str": _text, "int": int, "float": float}
 
 
 def _participant_column(**options: Any) -> sql.Column[str]:
@@ -181,8 +188,8 @@ def _record_table(name: str) -> sql.Table:
 
 
 _RECORDS: Mapping[str, sql.Table] = {name: _record_table(name) for name in TABLES}
-_CASTS: Mapping[str, tuple[tuple[str, type], ...]] = {
-    name: tuple((info.name, _PYTHON_TYPES[info.type]) for info in columns(name)) for name in TABLES
+_CASTS: Mapping[str, tuple[tuple[str, Callable[[Any], Any]], ...]] = {
+    name: tuple((info.name, _CASTS_OF[info.type]) for info in columns(name)) for name in TABLES
 }
 _FREE_STATES = ("withdrawn", "aborted")
 """States whose participants give their counterbalancing cell back."""
@@ -261,8 +268,11 @@ class Store:
     ) -> StoredSession:
         """Enrol someone under the least-filled order (or the one given). Demo participants take no cell.
 
-        `tokens` maps a role to the SHA-256 of its token in hex.
+        `tokens` maps a role to the SHA-256 of its token in hex. Raises `StudyError` for an order or seed the study
+        cannot plan, `StoreError` for a public id or token that is taken.
         """
+        if order is not None:
+            plan_session(study, tuple(order), seed)
         with self._write() as connection:
             connection.execute(
                 insert_or_update(_STUDIES).values(hash=study.hash, text=study.source_text).on_conflict_do_nothing()
@@ -305,7 +315,7 @@ class Store:
             for role, sha256 in (tokens or {}).items():
                 _insert(connection, _TOKENS, sha256=sha256, participant=participant, role=role, created_utc=utc)
             for kind, value in (identities or {}).items():
-                _insert(connection, _IDENTITIES, participant=participant, kind=kind, value=value)
+                _insert(connection, _IDENTITIES, participant=participant, kind=_text(kind), value=_text(value))
         return self.session(participant)
 
     def session(self, participant: str) -> StoredSession:
@@ -338,13 +348,19 @@ class Store:
     def add_identity(self, participant: str, kind: str, value: str) -> None:
         """Something that identifies a person (recruitment id, note, user agent); never exported."""
         with self._write() as connection:
-            _insert(connection, _IDENTITIES, participant=participant, kind=kind, value=value)
+            _insert(connection, _IDENTITIES, participant=participant, kind=_text(kind), value=_text(value))
 
     def identities(self, participant: str) -> tuple[tuple[str, str], ...]:
         """(kind, value) of everything identifying, in order of arrival."""
         query = sql.select(_IDENTITIES.c.kind, _IDENTITIES.c.value).where(_IDENTITIES.c.participant == participant)
         with self._read() as connection:
             return tuple((row.kind, row.value) for row in connection.execute(query.order_by(_IDENTITIES.c.id)))
+
+    def labels(self) -> dict[str, str]:
+        """Participant to the label the experimenter gave them, for those who have one."""
+        query = sql.select(_IDENTITIES.c.participant, _IDENTITIES.c.value).where(_IDENTITIES.c.kind == "label")
+        with self._read() as connection:
+            return {row.participant: row.value for row in connection.execute(query)}
 
     def reject(self, participant: str, event: EventRow) -> None:
         """Give a participant's counterbalancing cell out again; the data stay, with this event beside them."""
@@ -479,45 +495,24 @@ class Store:
 
     # ---- reading
 
-    def rows(self, table: str, include_demo: bool = False) -> Iterator[Any]:
-        """The rows of a recorded table as their type, participant by participant in order of enrolment."""
-        columns(table)  # names the tables there are
-        query = self._ordered(table)
-        if not include_demo:
-            query = query.where(_SESSIONS.c.demo == 0)
+    @contextmanager
+    def snapshot(self) -> Iterator[Snapshot]:
+        """Everything recorded as it is at this moment, whatever is written meanwhile."""
         with self._read() as connection:
-            for row in connection.execution_options(yield_per=1000).execute(query).mappings():
-                yield TABLES[table](**row)
+            yield Snapshot(connection)
+
+    def rows(self, table: str, include_demo: bool = False) -> Iterator[Any]:
+        """As `Snapshot.rows`."""
+        with self.snapshot() as recorded:
+            yield from recorded.rows(table, include_demo)
 
     def rows_of(self, table: str, participant: str, **equal: object) -> tuple[Any, ...]:
         """One participant's rows of a recorded table, where the named columns have these values."""
-        columns(table)
-        query = self._ordered(table).where(_RECORDS[table].c.participant == participant)
+        query = _ordered(table).where(_RECORDS[table].c.participant == participant)
         for name, value in equal.items():
             query = query.where(_RECORDS[table].c[name] == value)
         with self._read() as connection:
             return tuple(TABLES[table](**row) for row in connection.execute(query).mappings())
-
-    def study_texts(self, include_demo: bool = False) -> dict[str, str]:
-        """Hash to text of every study file that participants ran under, in order of first use."""
-        first = sql.func.min(_SESSIONS.c.number)
-        query = sql.select(_STUDIES.c.hash, _STUDIES.c.text).join(_SESSIONS).group_by(_STUDIES.c.hash).order_by(first)
-        if not include_demo:
-            query = query.where(_SESSIONS.c.demo == 0)
-        with self._read() as connection:
-            return {row.hash: row.text for row in connection.execute(query)}
-
-    def machines(self) -> tuple[dict[str, str], ...]:
-        """Fingerprints of every machine that ran this lab, the first one first."""
-        query = sql.select(_MACHINES.c.fingerprint).order_by(_MACHINES.c.first_utc, _MACHINES.c.hash)
-        with self._read() as connection:
-            return tuple(json.loads(row.fingerprint) for row in connection.execute(query))
-
-    def erasures(self) -> tuple[tuple[str, str], ...]:
-        """(participant, utc) of everyone erased."""
-        with self._read() as connection:
-            query = sql.select(_ERASURES.c.participant, _ERASURES.c.utc).order_by(_ERASURES.c.participant)
-            return tuple((row.participant, row.utc) for row in connection.execute(query))
 
     # ---- inside
 
@@ -563,6 +558,8 @@ class Store:
             yield
         except sql.exc.DBAPIError as error:
             raise StoreError(f"{self.path}: {error.orig}") from error
+        except OverflowError as error:
+            raise StoreError(f"{self.path}: a whole number beyond 64 bits cannot be stored") from error
 
     def _taken(self, connection: sql.Connection) -> dict[tuple[str, ...], int]:
         query = (
@@ -616,13 +613,49 @@ class Store:
         text = connection.execute(query).scalar()
         return None if text is None else cast("dict[str, Any]", json.loads(text))
 
-    def _ordered(self, table: str) -> sql.Select[Any]:
-        """The recorded columns, participants in order of enrolment, their rows by key or by arrival."""
-        source = _RECORDS[table]
-        keys = [source.c[name] for name in _KEYS[table][1:]] if table in _KEYS else [source.c.row_id]
-        chosen = [source.c[info.name] for info in columns(table)]
-        joined = sql.select(*chosen).join(_SESSIONS, _SESSIONS.c.participant == source.c.participant)
-        return joined.order_by(_SESSIONS.c.number, *keys)
+
+class Snapshot:
+    """A view of one moment, made by `Store.snapshot`; usable as long as that `with` lasts."""
+
+    def __init__(self, connection: sql.Connection) -> None:
+        self._connection = connection
+
+    def rows(self, table: str, include_demo: bool = False) -> Iterator[Any]:
+        """The rows of a recorded table as their type, participant by participant in order of enrolment."""
+        query = _ordered(table)
+        if not include_demo:
+            query = query.where(_SESSIONS.c.demo == 0)
+        row_type = TABLES[table]
+        for row in self._connection.execution_options(yield_per=1000).execute(query).mappings():
+            yield row_type(**row)
+
+    def study_texts(self, include_demo: bool = False) -> dict[str, str]:
+        """Hash to text of every study file that participants ran under, in order of first use."""
+        first = sql.func.min(_SESSIONS.c.number)
+        query = sql.select(_STUDIES.c.hash, _STUDIES.c.text).join(_SESSIONS).group_by(_STUDIES.c.hash).order_by(first)
+        if not include_demo:
+            query = query.where(_SESSIONS.c.demo == 0)
+        return {row.hash: row.text for row in self._connection.execute(query)}
+
+    def machines(self) -> tuple[dict[str, str], ...]:
+        """Fingerprints of every machine that ran this lab, the first one first."""
+        query = sql.select(_MACHINES.c.fingerprint).order_by(_MACHINES.c.first_utc, _MACHINES.c.hash)
+        return tuple(json.loads(row.fingerprint) for row in self._connection.execute(query))
+
+    def erasures(self) -> tuple[tuple[str, str], ...]:
+        """(participant, utc) of everyone erased."""
+        query = sql.select(_ERASURES.c.participant, _ERASURES.c.utc).order_by(_ERASURES.c.utc)
+        return tuple((row.participant, row.utc) for row in self._connection.execute(query))
+
+
+def _ordered(table: str) -> sql.Select[Any]:
+    """The recorded columns, participants in order of enrolment, their rows by key or by arrival."""
+    infos = columns(table)  # names the tables there are
+    source = _RECORDS[table]
+    keys = [source.c[name] for name in _KEYS[table][1:]] if table in _KEYS else [source.c.row_id]
+    joined = sql.select(*[source.c[info.name] for info in infos])
+    joined = joined.join(_SESSIONS, _SESSIONS.c.participant == source.c.participant)
+    return joined.order_by(_SESSIONS.c.number, *keys)
 
 
 def _set_up_connection(connection: Any, _: object) -> None:
@@ -644,7 +677,7 @@ def _values(table: str, row: Any) -> dict[str, Any]:
     if not isinstance(row, TABLES[table]):
         raise StoreError(f"table {table} takes {TABLES[table].__name__}, not {type(row).__name__}")
     given = vars(row)
-    return {name: None if given[name] is None else kind(given[name]) for name, kind in _CASTS[table]}
+    return {name: None if given[name] is None else cast_to(given[name]) for name, cast_to in _CASTS[table]}
 
 
 def _add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:

@@ -1,0 +1,168 @@
+"""The command line `salab`, and the composition root: what is put together stands here and in `app.parts`."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import socket
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from app.config import LabConfig, LabError
+from study.records import StudyError
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; an error the user can mend is one line on stderr and exit status 1."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options) or 0)
+    except (LabError, StudyError) as error:
+        print(f"salab: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    defaults = LabConfig()
+    parser = argparse.ArgumentParser(prog="salab", description="Shared Autonomy Lab")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    serve = commands.add_parser("serve", help="run the lab", formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    serve.add_argument("--host", default=defaults.host, help="address to listen on")
+    serve.add_argument("--port", type=_port, default=defaults.port, help="port to listen on; 0 = any free one")
+    serve.add_argument("--data", type=Path, default=defaults.data_dir, help="folder of the database")
+    serve.add_argument("--public-url", default=None, help="what links begin with, behind a proxy")
+    serve.add_argument("--study", type=Path, default=None, help="study file; the paper's study if not given")
+    serve.add_argument("--robot", choices=("bullet", "kinematic"), default=defaults.robot, help="which robot moves")
+    serve.add_argument(
+        "--pace", choices=("real_time", "lockstep"), default=defaults.pace, help="how new participants are paced"
+    )
+    serve.add_argument("--no-scene", action="store_true", help="no 3-D scene (for scripted clients)")
+    serve.set_defaults(run=_serve)
+
+    export = commands.add_parser("export", help="write the data as CSV files")
+    export.add_argument("--data", type=Path, default=defaults.data_dir, help="folder of the database")
+    export.add_argument("--out", type=Path, required=True, help="folder to write into")
+    export.set_defaults(run=_export)
+
+    bot = commands.add_parser("bot", help="complete a whole study over a participant's link")
+    bot.add_argument("--url", required=True, help="a participant's link")
+    bot.add_argument("--panel-url", default=None, help="the second device's link, if the study uses one")
+    bot.add_argument("--quiet", action="store_true", help="no progress")
+    bot.set_defaults(run=_bot)
+    return parser
+
+
+def _port(text: str) -> int:
+    port = int(text) if text.isdigit() else -1
+    if not 0 <= port <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port; ports are 0 to 65535")
+    return port
+
+
+def _serve(options: argparse.Namespace) -> None:
+    from app.lab import Lab
+
+    config = LabConfig(
+        data_dir=options.data,
+        host=options.host,
+        port=options.port,
+        public_url=options.public_url.rstrip("/") if options.public_url else None,
+        study_file=options.study,
+        robot=options.robot,
+        pace=options.pace,
+        scene=not options.no_scene,
+    )
+    with _listen(config.host, config.port) as listener:
+        lab = Lab(config, os.environ.get("SALAB_EXPERIMENTER_TOKEN"))
+        lab.prepare()
+        if not lab.base_url:
+            host = f"[{config.host}]" if ":" in config.host else config.host
+            lab.base_url = f"http://{host}:{listener.getsockname()[1]}"
+        asyncio.run(_run_server(lab, listener))
+
+
+async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-untyped-def]
+    import uvicorn
+
+    from app.messages import MAX_MESSAGE_BYTES
+    from app.server import create_app
+
+    config = uvicorn.Config(
+        create_app(lab),
+        log_level="warning",
+        access_log=False,  # links carry tokens
+        ws_max_size=16 * MAX_MESSAGE_BYTES,  # larger than we take, so that too large is answered and not cut off
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=3,
+        server_header=False,
+    )
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve(sockets=[listener]))
+    while not server.started and not serving.done():  # noqa: ASYNC110
+        await asyncio.sleep(0.02)  # uvicorn has no event for this
+    if server.started:
+        _announce(lab)
+    await serving
+
+
+def _announce(lab) -> None:  # type: ignore[no-untyped-def]
+    links = {
+        "base_url": lab.base_url,
+        "experimenter_link": lab.experimenter_link(),
+        "demo_link": lab.link(lab.demo_token),
+    }
+    print(
+        f"Shared Autonomy Lab: {lab.setup.study.title}\n"
+        f"  front page         {links['base_url']}/\n"
+        f"  experimenter       {links['experimenter_link']}\n"
+        f"  demo participant   {links['demo_link']}\n"
+        f"  data               {lab.config.data_dir}\n"
+        "Stop with Ctrl+C.",
+        flush=True,
+    )
+    if lab.config.host not in LOOPBACK:
+        print(f"Listening on {lab.config.host}: others can reach this lab. Put HTTPS in front of it.", flush=True)
+    if os.environ.get("SALAB_READY_LINE"):
+        print("READY " + json.dumps(links), flush=True)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        reason = error.strerror or str(error)
+        raise LabError(f"cannot listen on {host}:{port}: {reason}; choose another with --port") from None
+    return listener
+
+
+def _export(options: argparse.Namespace) -> None:
+    from study.export import export
+    from study.store import open_store
+
+    with open_store(options.data, must_exist=True) as store:
+        export(store, options.out)
+    print(f"exported to {options.out}")
+
+
+def _bot(options: argparse.Namespace) -> None:
+    from app.bots import run_bot
+
+    report = asyncio.run(run_bot(options.url, panel_url=options.panel_url, say=None if options.quiet else print))
+    print(f"done: {report.ticks} ticks, {report.alerts} alerts answered, {report.surveys} surveys")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,300 @@
+"""The HTTP API: participants, sessions, export, and the arbiter as a function. Decides nothing itself."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.background import BackgroundTask
+
+from app.autonomy.actions import DIRECTIONS
+from app.autonomy.arbiter import ArbiterParameters, evaluate
+from app.autonomy.errors import AutonomyError
+from app.autonomy.transition import TransitionModel
+from app.lab import Lab, NoSuchParticipant
+from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
+from study.export import export_zip
+from study.protocol import Event, IllegalEvent, allowed
+from study.store import StoredSession
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Vector = Annotated[tuple[Number, Number, Number], Field(description="x, y, z in the world frame")]
+Axis = Literal[-1, 0, 1]
+MAX_GOALS = 100
+MAX_INVITATIONS = 200
+
+
+class _Body(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class InviteRequest(_Body):
+    """Who to enrol."""
+
+    demo: bool = False
+    pace: Literal["real_time", "lockstep"] | None = None
+    label: Annotated[str, Field(max_length=200)] | None = None
+    """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
+    count: Annotated[int, Field(ge=1, le=MAX_INVITATIONS)] = 1
+
+
+class InvitationReply(BaseModel):
+    """A new participant's links. They cannot be shown again: only hashes of their tokens are stored."""
+
+    participant: str
+    link: str
+    panel_link: str
+    demo: bool
+
+
+class InviteReply(InvitationReply):
+    """The first new participant, and all of them."""
+
+    created: list[InvitationReply]
+
+
+class SessionReply(BaseModel):
+    """One session at a glance."""
+
+    participant: str
+    label: str | None
+    demo: bool
+    state: str
+    place: str
+    causes: list[str]
+    trial: int
+    trials: int
+    condition: str
+    order: list[str]
+    pace: str
+    connected: bool
+    held: bool
+    help_wanted: bool
+    done_tasks: int | None
+    tasks: int | None
+    round_trip_ms: float | None
+    overruns: int
+    device: str | None
+    created_utc: str
+    allowed: list[str]
+
+
+class CommandRequest(_Body):
+    """Why; an abort must say so."""
+
+    reason: Annotated[str, Field(max_length=1000)] | None = None
+
+
+class EvaluateRequest(_Body):
+    """A state, a belief, an input, and either a condition or the weights."""
+
+    position_m: Vector
+    momentum: Vector
+    goals_m: Annotated[list[Vector], Field(min_length=1, max_length=MAX_GOALS)]
+    belief: Annotated[list[Number], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+    user_action: tuple[Axis, Axis, Axis] | None = None
+    condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
+    alpha: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    beta: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
+    gamma: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1e6
+    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.05
+    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.2
+    transition: Literal["mix", "replan"] = "mix"
+    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] = 5.0
+
+
+class EvaluateReply(BaseModel):
+    """What the arbiter thinks. Rows and entries follow `actions`; `chosen` is an index into it."""
+
+    actions: list[tuple[int, int, int]]
+    likelihood: list[list[float]]
+    posterior: list[float]
+    entropy: float
+    information_gain: list[float]
+    hindsight_reward: list[float]
+    score: list[float]
+    chosen: int
+    alpha: float
+
+
+def evaluate_request(request: EvaluateRequest, default_alpha: float) -> EvaluateReply:
+    """`POST /api/arbiter/evaluate` as a function. Raises `AutonomyError` for values that do not fit together."""
+    alpha = request.alpha if request.alpha is not None else default_alpha
+    parameters = ArbiterParameters(
+        condition=request.condition,
+        alpha=0.0 if request.condition == "goal_oriented" else alpha,
+        beta=request.beta,
+        gamma=request.gamma,
+        rationality_per_m=request.rationality_per_m,
+        transition=TransitionModel(request.transition, request.step_m, request.planning_delay),
+    )
+    prior = None if request.belief is None else np.array(request.belief)
+    goals = np.array(request.goals_m)
+    result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, parameters)
+    return EvaluateReply(
+        actions=list(DIRECTIONS),
+        likelihood=result.likelihood.tolist(),
+        posterior=result.posterior.tolist(),
+        entropy=result.entropy,
+        information_gain=result.information_gain.tolist(),
+        hindsight_reward=result.hindsight_reward.tolist(),
+        score=result.score.tolist(),
+        chosen=result.chosen,
+        alpha=parameters.alpha,
+    )
+
+
+def lab_of(request: Request) -> Lab:
+    """The lab this app serves."""
+    lab: Lab = request.app.state.lab
+    return lab
+
+
+def experimenter(request: Request, lab: Annotated[Lab, Depends(lab_of)]) -> str:
+    """Lets only the experimenter through."""
+    scheme, _, token = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() != "bearer" or not lab.is_experimenter(token.strip()):
+        raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
+    return "experimenter"
+
+
+Experimenter = Annotated[str, Depends(experimenter)]
+TheLab = Annotated[Lab, Depends(lab_of)]
+
+public = APIRouter(prefix="/api", tags=["open"])
+private = APIRouter(prefix="/api", tags=["experimenter"])
+
+
+@public.get("/health")
+async def health(lab: TheLab) -> dict[str, str]:
+    """Whether the lab is up, and which study it runs."""
+    return {"status": "ok", "study": lab.setup.study.title, "robot": lab.config.robot}
+
+
+@public.get("/protocol")
+async def protocol_schemas() -> dict[str, Any]:
+    """JSON schemas of every message on a participant's WebSocket."""
+    return {
+        "protocol": PROTOCOL_VERSION,
+        "client": CLIENT_MESSAGE.json_schema(),
+        "server": SERVER_MESSAGE.json_schema(),
+    }
+
+
+@public.post("/arbiter/evaluate")
+async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
+    """Update a belief and weigh all 27 actions, as the arbiter does in every tick (paper III)."""
+    calibration = lab.setup.calibration
+    try:
+        return evaluate_request(body, calibration.alpha if calibration else 0.0)
+    except AutonomyError as error:
+        raise HTTPException(422, str(error)) from None
+
+
+@private.post("/participants", status_code=201)
+async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteReply:
+    """Enrol participants (or demo visitors) and get their links."""
+    created = []
+    for number in itertools.count(1):
+        identities = {"label": body.label if body.count == 1 else f"{body.label} {number}"} if body.label else None
+        invitation = await lab.invite(demo=body.demo, pace=body.pace, identities=identities)
+        created.append(
+            InvitationReply(
+                participant=invitation.participant,
+                link=lab.link(invitation.participant_token),
+                panel_link=lab.link(invitation.panel_token, "panel"),
+                demo=body.demo,
+            )
+        )
+        if number == body.count:
+            break
+    return InviteReply(**created[0].model_dump(), created=created)
+
+
+@private.get("/sessions")
+async def sessions(lab: TheLab, who: Experimenter) -> list[SessionReply]:
+    """Every session, demo included, in order of enrolment."""
+    stored = await lab.stored_sessions()
+    labels = await lab.store.run(
+        lambda store: {item.participant: store.identities(item.participant) for item in stored}
+    )
+    return [_session_reply(lab, item, dict(labels[item.participant]).get("label")) for item in stored]
+
+
+def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
+    live = lab.live_session(stored.participant)
+    session = live.session if live else stored.session
+    view = live.view if live else None
+    return SessionReply(
+        participant=stored.participant,
+        label=label,
+        demo=stored.demo,
+        state=session.state,
+        place=session.place,
+        causes=sorted(session.causes),
+        trial=session.trial,
+        trials=session.trials,
+        condition=stored.order[session.trial - 1],
+        order=list(stored.order),
+        pace=stored.pace,
+        connected=live.connected if live else False,
+        held=live.held if live else False,
+        help_wanted=live.vitals.help_wanted if live else False,
+        done_tasks=view.done_tasks if view else None,
+        tasks=view.tasks if view else None,
+        round_trip_ms=live.vitals.round_trip_ms if live else None,
+        overruns=live.vitals.overruns if live else 0,
+        device=live.vitals.device if live else None,
+        created_utc=stored.created_utc,
+        allowed=list(allowed(session)),
+    )
+
+
+def _command_route(name: str, make: Callable[[str | None], Event], needs_reason: bool, text: str) -> None:
+    async def route(participant: str, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+        reason = (body.reason or "").strip() or None
+        if needs_reason and reason is None:
+            raise HTTPException(422, "reason: must not be empty; the record has to say why")
+        try:
+            session = await lab.command(participant, make(reason), who)
+        except NoSuchParticipant as error:
+            raise HTTPException(404, str(error)) from None
+        except IllegalEvent as error:
+            raise HTTPException(409, str(error)) from None
+        return {"participant": participant, "state": session.session.state}
+
+    route.__doc__ = text
+    private.post(f"/sessions/{{participant}}/{name}", name=name)(route)
+
+
+_command_route("pause", lambda reason: Event("experimenter_pause", reason), False, "Hold the session where it is.")
+_command_route("resume", lambda reason: Event("experimenter_resume", reason), False, "Let the session go on.")
+_command_route("abort", lambda reason: Event("abort", reason), True, "End the session for good; its data stay.")
+
+
+@private.get("/export")
+async def export(lab: TheLab, who: Experimenter) -> FileResponse:
+    """All data as a zip of CSV files. Demo participants and identities are not in it."""
+    folder = tempfile.TemporaryDirectory(prefix="salab-export-")
+    path = Path(folder.name) / "export.zip"
+    await lab.store.run(lambda store: path.write_bytes(export_zip(store)))
+    return FileResponse(
+        path,
+        media_type="application/zip",
+        filename="export.zip",
+        background=BackgroundTask(asyncio.to_thread, folder.cleanup),
+    )
+
+
+def add_api(app: FastAPI) -> None:
+    """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.include_router(public)
+    app.include_router(private)

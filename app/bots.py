@@ -1,0 +1,330 @@
+"""Scripted clients of the wire: `salab bot` completes a whole study as a participant would, without a browser.
+
+The bot follows the link (HTTP, for the cookie), opens the WebSocket, fills in every form, drives the robot with
+`app.pilot` and logs every reading. It must run in lockstep: it has no hands to time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import urljoin, urlsplit
+
+import httpx
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from app.config import LabError
+from app.messages import (
+    PROTOCOL_VERSION,
+    SERVER_MESSAGE,
+    Ack,
+    Alert,
+    Error,
+    Hello,
+    Input,
+    Instruction,
+    Message,
+    Note,
+    Page,
+    Status,
+    Submit,
+    Superseded,
+    Tick,
+    Welcome,
+    World,
+)
+from app.pilot import Pilot, Sight
+from app.trial import OperatorInput
+
+ANSWER_WITHIN_S = 60.0
+MAX_TICKS = 100_000
+
+
+class BotError(LabError):
+    """The bot cannot go on; the message says what the lab answered."""
+
+
+@dataclass
+class BotReport:
+    """What a bot did."""
+
+    ticks: int = 0
+    alerts: int = 0
+    surveys: int = 0
+    pages: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Entrance:
+    """Where a link leads: the page's address and the cookie that opens it."""
+
+    page_url: str
+    cookie: str
+
+    @property
+    def socket_url(self) -> str:
+        """Address of the page's WebSocket."""
+        parts = urlsplit(self.page_url)
+        scheme = "wss" if parts.scheme == "https" else "ws"
+        return urljoin(f"{scheme}://{parts.netloc}{parts.path}", "socket")
+
+
+async def enter(url: str) -> Entrance:
+    """Follow a link as a browser does. Raises `BotError` if it leads nowhere."""
+    try:
+        async with httpx.AsyncClient(trust_env=False) as client:
+            response = await client.get(url)
+    except httpx.HTTPError as error:
+        raise BotError(f"{url.rsplit('/', 1)[0]}/…: {type(error).__name__}: {error}") from None
+    if response.status_code != 303:
+        raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
+    cookie = "; ".join(f"{name}={value}" for name, value in response.cookies.items())
+    return Entrance(urljoin(url, response.headers["location"]), cookie)
+
+
+class Wire:
+    """An open socket of the protocol: typed messages out and in."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+        self._numbers = itertools.count(1)
+
+    async def send(self, message: Message) -> None:
+        """Send one message."""
+        await self._connection.send(message.model_dump_json())
+
+    async def receive(self) -> Message:
+        """The next message of the lab. Raises `BotError` when it stays silent."""
+        try:
+            text = await asyncio.wait_for(self._connection.recv(), ANSWER_WITHIN_S)
+        except asyncio.TimeoutError:
+            raise BotError(f"the lab said nothing for {ANSWER_WITHIN_S:g} s") from None
+        except ConnectionClosed as closed:
+            raise BotError(f"the lab closed the connection: {closed}") from None
+        return SERVER_MESSAGE.validate_json(text)
+
+    async def submit(self, step: str, data: Mapping[str, Any]) -> str:
+        """Submit a step; returns the message's id."""
+        identifier = self.new_id()
+        await self.send(Submit.model_validate({"id": identifier, "step": step, "data": data}))
+        return identifier
+
+    def new_id(self) -> str:
+        """An id for a submission."""
+        return f"bot-{id(self):x}-{next(self._numbers)}"
+
+
+@contextlib.asynccontextmanager
+async def open_wire(entrance: Entrance, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
+    """Connect and say hello."""
+    headers = {"Cookie": entrance.cookie}
+    async with connect(entrance.socket_url, additional_headers=headers, compression=None, proxy=None) as connection:
+        wire = Wire(connection)
+        await wire.send(Hello(protocol=PROTOCOL_VERSION, client=name, telemetry=telemetry))
+        yield wire
+
+
+def form_answers(page: Page) -> tuple[str, dict[str, Any]] | None:
+    """The step and data that lead on from a page with a form, or None if the page is not one."""
+    content = page.content
+    makers: Mapping[str, Callable[[], tuple[str, dict[str, Any]]]] = {
+        "consent": lambda: ("consent", {"accepted": True, "hash": content["hash"]}),
+        "demographics": lambda: (
+            "demographics",
+            {"answers": {item["id"]: _demographic(item) for item in content["items"] if item["required"]}},
+        ),
+        "setup": lambda: ("setup", {"device": "keyboard", "sound": True}),
+        "survey": lambda: (
+            "survey",
+            {"answers": {form["id"]: {item["id"]: 4 for item in form["items"]} for form in content["instruments"]}},
+        ),
+        "break": lambda: ("continue", {}),
+        "debrief": lambda: ("debrief", {"answers": {}}),
+    }
+    return makers[page.state]() if page.state in makers else None
+
+
+def _demographic(item: Mapping[str, Any]) -> Any:
+    options = [option["id"] for option in item["options"]]
+    return {"choice": options[0] if options else "", "number": 30, "text": "-"}[item["kind"]]
+
+
+def alert_steps(alert: Alert) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """What is submitted about a reading: seen, heard, logged."""
+    number = {"alert": alert.alert}
+    return ("alert_shown", number), ("alert_heard", number), ("alert_answer", {**number, "value": alert.reading})
+
+
+class PanelBot:
+    """The scripted participant's second device."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+
+    async def catch_up(self) -> int:
+        """Log every reading shown so far; returns how many there were.
+
+        The lab answers in order: once a note sent now is acknowledged, every reading shown before it has arrived.
+        """
+        logged = 0
+        marker = self._wire.new_id()
+        await self._wire.send(Note(id=marker, name="panel_sync"))
+        while True:
+            message = await self._wire.receive()
+            if isinstance(message, Alert):
+                logged += 1
+                for step, data in alert_steps(message):
+                    await self._wire.send(
+                        Submit.model_validate({"id": self._wire.new_id(), "step": step, "data": data})
+                    )
+            elif isinstance(message, Error):
+                raise BotError(
+                    f"the lab refused on the second device: {message.code}, {message.field}: {message.message}"
+                )
+            elif isinstance(message, Ack) and message.id == marker:
+                return logged
+
+
+class Bot:
+    """One scripted participant over one wire. `say` gets a line for every page."""
+
+    def __init__(self, wire: Wire, say: Callable[[str], None] | None, panel: PanelBot | None = None) -> None:
+        self.report = BotReport()
+        self._wire = wire
+        self._say = say or (lambda line: None)
+        self._panel = panel
+        self._pilot = Pilot()
+        self._world: World | None = None
+        self._instruction: Instruction | None = None
+        self._page: Page | None = None
+        self._ready = False
+        self._seq = 0
+        self._pending: dict[str, str] = {}
+        self._wrong_tries: dict[str, int] = {}
+        self._given_up: set[str | None] = set()
+
+    async def run(self) -> BotReport:
+        """Go through the whole study."""
+        while self._page is None or self._page.state not in ("done", "withdrawn", "aborted"):
+            await self._handle(await self._wire.receive())
+        return self.report
+
+    async def _handle(self, message: Message) -> None:
+        if isinstance(message, Welcome):
+            if message.pace != "lockstep":
+                raise BotError("this participant runs in real time; the bot needs one made with pace 'lockstep'")
+            self._seq = message.last_seq
+        elif isinstance(message, Page):
+            await self._on_page(message)
+        elif isinstance(message, World):
+            self._world = message
+        elif isinstance(message, Status):
+            await self._on_status(message)
+        elif isinstance(message, Tick):
+            await self._on_tick(message)
+        elif isinstance(message, Alert):
+            self.report.alerts += 1
+            for step, data in alert_steps(message):
+                await self._submit(step, data)
+        elif isinstance(message, Ack):
+            self._pending.pop(message.id, None)
+        elif isinstance(message, Error):
+            await self._on_error(message)
+        elif isinstance(message, Superseded):
+            raise BotError("somebody else opened the same link")
+
+    async def _on_page(self, page: Page) -> None:
+        first = self._page is None or self._page.state != page.state or self._page.trial != page.trial
+        self._page = page
+        if page.content.get("instruction"):
+            self._instruction = Instruction.model_validate(page.content["instruction"])
+        if not first:
+            return
+        self.report.pages.append(page.state)
+        self._say(page.state + (f" (trial {page.trial} of {page.trials})" if page.trial else ""))
+        self._ready = False
+        if page.state == "instructions":
+            await self._answer_questions()
+        else:
+            form = form_answers(page)
+            if form is not None:
+                await self._submit(*form)
+        if page.state == "survey":
+            self.report.surveys += 1
+
+    async def _on_status(self, status: Status) -> None:
+        """Start when the robot is ready; the first input of a phase follows when it runs."""
+        assert self._page is not None
+        if status.status == "ready" and self._page.state.endswith("_ready") and not self._ready:
+            self._ready = True
+            await self._submit("start", {})
+        elif status.status == "running":
+            await self._drive()
+        elif status.status == "paused" and self._page.content.get("can_resume"):
+            await self._submit("resume", {})
+
+    async def _on_tick(self, tick: Tick) -> None:
+        self.report.ticks += 1
+        self._instruction = tick.instruction
+        if self.report.ticks > MAX_TICKS:
+            raise BotError(f"gave up after {MAX_TICKS} ticks")
+        if self._panel is not None:
+            self.report.alerts += await self._panel.catch_up()
+        if tick.status != "finished":
+            await self._drive(resetting=tick.status == "resetting")
+
+    async def _drive(self, resetting: bool = False) -> None:
+        """One input, which runs one tick."""
+        act = OperatorInput()
+        world, task = self._world, self._instruction
+        if not resetting and world is not None and task is not None and task.object in world.objects_m:
+            release_m = world.bins_m[task.bin] if task.bin else self._release(world, task)
+            sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
+            act = self._pilot.act(task.object, sight)
+        self._seq += 1
+        await self._wire.send(Input(seq=self._seq, client_ms=0.0, direction=act.direction, gripper=act.gripper))
+
+    @staticmethod
+    def _release(world: World, task: Instruction) -> tuple[float, float, float] | None:
+        """In a pickup the object is only lifted: any bin is a fine direction to lift it for. None in practice."""
+        return next(iter(world.bins_m.values())) if task.kind == "pickup" else None
+
+    async def _answer_questions(self) -> None:
+        """Try one option after another until the check is passed, as somebody who has not read the text."""
+        assert self._page is not None
+        answers = {}
+        for question in self._page.content["questions"]:
+            options = [option["id"] for option in question["options"]]
+            tries = self._wrong_tries.setdefault(question["id"], 0)
+            if tries >= len(options):
+                raise BotError(f"no option of question {question['id']!r} is right")
+            answers[question["id"]] = options[tries]
+        await self._submit("instructions", {"answers": answers})
+
+    async def _on_error(self, error: Error) -> None:
+        step = self._pending.pop(error.id or "", None)
+        if error.id in self._given_up:
+            return
+        if step != "instructions" or not (error.field or "").startswith("answers."):
+            raise BotError(f"the lab refused {step or 'a message'}: {error.code}, {error.field}: {error.message}")
+        self._given_up.add(error.id)  # its other wrong answers are put right one by one
+        self._wrong_tries[(error.field or "").removeprefix("answers.")] += 1
+        await self._answer_questions()
+
+    async def _submit(self, step: str, data: dict[str, Any]) -> None:
+        self._pending[await self._wire.submit(step, data)] = step
+
+
+async def run_bot(url: str, panel_url: str | None = None, say: Callable[[str], None] | None = None) -> BotReport:
+    """Complete a study over a participant's link. Raises `BotError` when the lab refuses something."""
+    async with contextlib.AsyncExitStack() as stack:
+        panel = None
+        if panel_url is not None:
+            panel = PanelBot(await stack.enter_async_context(open_wire(await enter(panel_url), "bot-panel")))
+        wire = await stack.enter_async_context(open_wire(await enter(url), "bot", telemetry=True))
+        return await Bot(wire, say, panel).run()

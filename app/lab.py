@@ -1,0 +1,327 @@
+"""The running lab: who is enrolled, which sessions are live, and what they live on."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from app.auth import new_token, same_token, token_hash
+from app.config import LabConfig, LabError
+from app.cycles import cycle_from_json
+from app.planning import StudySetup, study_setup
+from app.session import Enrolment, LiveSession, Resumed, Surroundings, utc_text
+from app.trial import CycleStart, inputs_of
+from app.worker_messages import Pace, WorkerReport, WorkerSpec
+from app.workers import WorkerProcess, worker_context
+from sim.layouts import LAYOUTS
+from sim.objects import STUDY_OBJECTS
+from study.design import Study, load_study, parse_study, plan_session
+from study.distractor import from_rows
+from study.protocol import Event
+from study.records import StudyError, TrialRow
+from study.store import Store, StoredSession, open_store
+from study.writer import AsyncStore
+
+PROBE_EVERY_S = 2.0
+ROLES = ("participant", "panel")
+
+
+@dataclass(frozen=True)
+class Invitation:
+    """A new participant and the tokens of their links; the tokens are known only here and now."""
+
+    participant: str
+    public_id: str
+    participant_token: str
+    panel_token: str
+
+
+class NoSuchParticipant(LabError):
+    """An id that belongs to nobody."""
+
+
+class Lab:
+    """Owns the store, the fork server and the live sessions. `open` before use, `close` at the end.
+
+    Attributes:
+        config: how the lab runs.
+        setup: the study that new participants get.
+        base_url: what links begin with; the server sets it when it knows its port.
+    """
+
+    def __init__(
+        self, config: LabConfig, experimenter_token: str | None = None, now_unix_s: Callable[[], float] = time.time
+    ) -> None:
+        self.config = config
+        self.base_url = config.public_url or ""
+        self.experimenter_token = experimenter_token or new_token()
+        self.demo_token = new_token()
+        self._demo = asyncio.Lock()
+        self._now_unix_s = now_unix_s
+        self._store: AsyncStore | None = None
+        self._setups: dict[str, StudySetup] = {}
+        self._setup: StudySetup | None = None
+        self._live: dict[str, LiveSession] = {}
+        self._opening: dict[str, asyncio.Lock] = {}
+        self._probe: asyncio.Task[None] | None = None
+        self._workers = worker_context(config.robot)
+
+    # ---- life ---------------------------------------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """What can go wrong before anything is served: the study file and the data folder.
+
+        Raises `StudyError` (of which the study file's and the store's errors are kinds).
+        """
+        study = load_study(
+            self.config.study_file,
+            layouts={name: len(layout.slots) for name, layout in LAYOUTS.items()},
+            objects=tuple(STUDY_OBJECTS),
+            bins=tuple(item.id for item in next(iter(LAYOUTS.values())).bins),
+        )
+        self._setup = self._setups[study.hash] = study_setup(study)
+        self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
+
+    async def open(self) -> None:
+        """Start looking after the sessions. Call `prepare` first."""
+        self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
+
+    async def close(self) -> None:
+        """End every worker and close the store. Sessions go on where they were when a lab opens again."""
+        if self._probe is not None:
+            self._probe.cancel()
+            await asyncio.gather(self._probe, return_exceptions=True)
+        await asyncio.gather(*(session.close() for session in self._live.values()))
+        self._live.clear()
+        if self._store is not None:
+            await self._store.close()
+
+    @property
+    def store(self) -> AsyncStore:
+        """The store; there is one after `prepare`."""
+        if self._store is None:
+            raise LabError("the lab is not prepared; call prepare() first")
+        return self._store
+
+    @property
+    def setup(self) -> StudySetup:
+        """The study that new participants get."""
+        if self._setup is None:
+            raise LabError("the lab is not prepared; call prepare() first")
+        return self._setup
+
+    # ---- who may do what ----------------------------------------------------------------------------------------
+
+    def is_experimenter(self, token: str) -> bool:
+        """Whether this is the experimenter's token."""
+        return same_token(token, self.experimenter_token)
+
+    async def holder(self, token: str) -> tuple[StoredSession, Literal["participant", "panel"]] | None:
+        """Whose link this token is, and for which page; None if nobody's."""
+        digest = token_hash(token)
+
+        def look_up(store: Store) -> tuple[StoredSession, Any] | None:
+            found = store.participant_for_token(digest)
+            return None if found is None else (store.session(found[0]), found[1])
+
+        return await self.store.run(look_up)
+
+    async def admit(self, token: str) -> tuple[StoredSession, Literal["participant", "panel"]] | None:
+        """As `holder`, for somebody who follows a link: the demo link makes its participant when it is first used."""
+        if same_token(token, self.demo_token):
+            async with self._demo:
+                if await self.holder(token) is None:
+                    await self.invite(demo=True, tokens={"participant": token, "panel": new_token()})
+        return await self.holder(token)
+
+    # ---- participants -------------------------------------------------------------------------------------------
+
+    async def invite(
+        self,
+        *,
+        demo: bool = False,
+        pace: Pace | None = None,
+        identities: Mapping[str, str] | None = None,
+        tokens: Mapping[str, str] | None = None,
+    ) -> Invitation:
+        """Enrol someone in the least-filled order. Demo participants take no cell and stay out of exports."""
+        tokens = tokens or {role: new_token() for role in ROLES}
+        study = self.setup.study
+        stored = await self.store.run(
+            lambda store: store.create_participant(
+                study,
+                seed=secrets.randbits(48),
+                public_id=secrets.token_hex(8),
+                utc=utc_text(self._now_unix_s()),
+                tokens={role: token_hash(token) for role, token in tokens.items()},
+                demo=demo,
+                pace=pace or self.config.pace,
+                identities=identities,
+            )
+        )
+        return Invitation(stored.participant, stored.public_id, tokens["participant"], tokens["panel"])
+
+    async def note_identity(self, participant: str, kind: str, value: str) -> None:
+        """Keep something that identifies a person, once; it is never exported."""
+
+        def write(store: Store) -> None:
+            if (kind, value) not in store.identities(participant):
+                store.add_identity(participant, kind, value)
+
+        await self.store.run(write)
+
+    def link(self, token: str, role: Literal["participant", "panel"] = "participant") -> str:
+        """The link that carries a token."""
+        return f"{self.base_url}/{'p' if role == 'participant' else 'd'}/{token}"
+
+    def experimenter_link(self) -> str:
+        """The dashboard's link. The token stands behind `#`, so that no server or proxy logs it."""
+        return f"{self.base_url}/dashboard#token={self.experimenter_token}"
+
+    async def stored_sessions(self) -> tuple[StoredSession, ...]:
+        """Everyone, as stored."""
+        return await self.store.run(lambda store: store.sessions())
+
+    # ---- live sessions ------------------------------------------------------------------------------------------
+
+    def live_session(self, participant: str) -> LiveSession | None:
+        """The participant's session if it is live."""
+        return self._live.get(participant)
+
+    async def session(self, stored: StoredSession) -> LiveSession:
+        """The participant's live session, brought up where it was left if need be."""
+        participant = stored.participant
+        async with self._opening.setdefault(participant, asyncio.Lock()):
+            if participant not in self._live:
+                fresh = await self.store.run(lambda store: store.session(participant))
+                session = await self._bring_up(fresh)
+                await session.open()
+                self._live[participant] = session
+        return self._live[participant]
+
+    async def command(self, participant: str, event: Event, by: str) -> LiveSession:
+        """An experimenter's pause, resume or abort.
+
+        Raises `NoSuchParticipant`, and `study.protocol.IllegalEvent` when the session has moved on.
+        """
+        try:
+            stored = await self.store.run(lambda store: store.session(participant))
+        except StudyError:
+            raise NoSuchParticipant(f"no participant {participant!r}") from None
+        session = await self.session(stored)
+        await session.command(event, by)
+        return session
+
+    async def _bring_up(self, stored: StoredSession) -> LiveSession:
+        setup = await self._setup_of(stored.study_hash)
+        plan = plan_session(setup.study, stored.order, stored.seed)
+        pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
+        enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo)
+        resumed = await self.store.run(lambda store: _resumed(store, stored, setup.study))
+        around = Surroundings(
+            store=self.store,
+            study=setup.study,
+            config=self.config,
+            labels=setup.labels(),
+            start_worker=self._start_worker,
+            make_spec=lambda kind, trial: self._worker_spec(enrolment, setup, kind, trial),
+            trial_row=lambda trial: _trial_row(enrolment, setup, trial),
+            now_unix_s=self._now_unix_s,
+            panel_link=lambda: self._panel_link(stored.participant),
+        )
+        return LiveSession(enrolment, stored.session, resumed, around)
+
+    async def _setup_of(self, study_hash: str) -> StudySetup:
+        """The study a participant was enrolled in, even when the lab now runs another."""
+        if study_hash not in self._setups:
+            texts = await self.store.run(lambda store: store.study_texts(include_demo=True))
+            study = parse_study(
+                texts[study_hash],
+                name=f"stored study {study_hash[:12]}",
+                layouts={name: len(layout.slots) for name, layout in LAYOUTS.items()},
+                objects=tuple(STUDY_OBJECTS),
+            )
+            self._setups[study_hash] = await asyncio.to_thread(study_setup, study)
+        return self._setups[study_hash]
+
+    async def _panel_link(self, participant: str) -> str:
+        """A fresh link for the second device: of those given out before, only hashes are known."""
+        token = new_token()
+        utc = utc_text(self._now_unix_s())
+        await self.store.run(lambda store: store.add_token(participant, "panel", token_hash(token), utc))
+        return self.link(token, "panel")
+
+    async def _worker_spec(
+        self, enrolment: Enrolment, setup: StudySetup, kind: Literal["practice", "trial"], trial: int
+    ) -> WorkerSpec:
+        """A worker that takes the phase up where the log ends."""
+        participant, practice = enrolment.participant, kind == "practice"
+
+        def read(store: Store) -> tuple[CycleStart, tuple[Any, ...]]:
+            last = store.last_cycle(participant, trial, practice=practice)
+            start = cycle_from_json(last.start) if last else CycleStart()
+            return start, store.ticks_of_cycle(participant, trial, start.cycle, practice=practice)
+
+        start, rows = await self.store.run(read)
+        return WorkerSpec(
+            setup=setup.trial_setup(participant, enrolment.plan, trial, kind),
+            start=start,
+            log=tuple((inputs_of(row), row.digest) for row in rows),
+            robot=self.config.robot,
+            pace=enrolment.pace,
+            scene=self.config.scene and enrolment.pace == "real_time",
+            heartbeat_timeout_s=setup.study.heartbeat_timeout_s,
+        )
+
+    def _start_worker(
+        self, spec: WorkerSpec, on_report: Callable[[WorkerReport], None], on_exit: Callable[[], None]
+    ) -> WorkerProcess:
+        worker = WorkerProcess(self._workers, spec, on_report, on_exit)
+        worker.start()
+        return worker
+
+    async def _probe_sessions(self) -> None:
+        while True:
+            await asyncio.sleep(PROBE_EVERY_S)
+            for session in self._live.values():
+                if session.connected:
+                    session.probe()
+
+
+def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
+    """Where the stored session stood, from its rows."""
+    participant, session = stored.participant, stored.session
+    table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
+    rows = store.rows_of(table, participant, trial=session.trial) if session.worker else ()
+    alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
+    return Resumed(
+        distractor=from_rows(study.distractor, alerts),
+        tick=rows[-1].tick if rows else None,
+        last_seq=store.last_input_seq(participant),
+    )
+
+
+def _trial_row(enrolment: Enrolment, setup: StudySetup, trial: int) -> TrialRow:
+
+    drawn = enrolment.plan.trial(trial)
+    return TrialRow(
+        participant=enrolment.participant,
+        condition=drawn.condition,
+        trial=trial,
+        layout=setup.layout.name,
+        placement=json.dumps(drawn.placement),
+        parameters=json.dumps(setup.parameters_json(drawn.condition)),
+        outcome="running",
+        ticks=0,
+        overruns=0,
+        started_utc=None,
+        finished_utc=None,
+    )
+
+
+__all__ = ["Invitation", "Lab", "NoSuchParticipant"]

@@ -1,0 +1,36 @@
+"""Names to concrete parts. A new robot is one new file in `sim/` and one line here.
+
+Imports are made when a part is asked for: only worker processes ever load pybullet or viser.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.config import LabError
+from sim.interface import Robot
+
+if TYPE_CHECKING:
+    from sim.scene import SceneView
+
+ROBOTS = ("bullet", "kinematic")
+
+
+def make_robot(name: str) -> Robot:
+    """The robot of that name; `LabError` names the ones there are."""
+    if name == "bullet":
+        from sim.bullet import BulletRobot
+
+        return BulletRobot()
+    if name == "kinematic":
+        from sim.kinematic import KinematicRobot
+
+        return KinematicRobot()
+    raise LabError(f"no robot {name!r}; robots are {', '.join(ROBOTS)}")
+
+
+def make_scene() -> SceneView:
+    """The 3-D view of one session."""
+    from sim.scene import SceneView
+
+    return SceneView()

@@ -1,0 +1,121 @@
+"""From a participant's plan (ids) to a trial's set-up (places, things, numbers): where study and robot meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from app.autonomy.arbiter import ArbiterParameters
+from app.autonomy.calibration import Calibration, calibrate_alpha
+from app.autonomy.transition import TransitionModel
+from app.pages import Labels
+from app.trial import CycleSetup, RobotTiming, TrialSetup
+from sim.layouts import LAYOUTS, Layout, practice_scene
+from sim.layouts import scene as layout_scene
+from sim.objects import OBJECTS, PRACTICE_OBJECT
+from study.design import SessionPlan, Study
+
+CALIBRATION_SEED = 2020
+"""Fixed, so that every lab that runs the same study file gets the same alpha."""
+
+
+@dataclass(frozen=True)
+class StudySetup:
+    """A study file together with the world it runs in and the weight calibrated for it."""
+
+    study: Study
+    layout: Layout
+    calibration: Calibration | None
+
+    def parameters(self, condition_id: str) -> ArbiterParameters:
+        """The arbiter's parameters under one condition."""
+        condition, settings = self.study.condition(condition_id), self.study.arbiter
+        alpha = condition.alpha
+        if alpha == "calibrated":
+            assert self.calibration is not None
+            alpha = self.calibration.alpha
+        return ArbiterParameters(
+            condition=condition.arbiter,
+            alpha=float(alpha),
+            beta=condition.beta,
+            gamma=condition.gamma,
+            rationality_per_m=settings.rationality_per_m,
+            transition=TransitionModel(settings.transition, settings.step_m, settings.planning_delay),
+            entropy_floor=settings.entropy_floor,
+            stickiness=settings.stickiness,
+        )
+
+    def labels(self) -> Labels:
+        """The words for everything that can be named in an instruction."""
+        return Labels(
+            objects={name: spec.label for name, spec in OBJECTS.items()},
+            bins={item.id: item.label for item in self.layout.bins},
+        )
+
+    def trial_setup(
+        self, participant: str, plan: SessionPlan, trial: int, kind: Literal["trial", "practice"]
+    ) -> TrialSetup:
+        """Everything trial `trial` (or the practice before it) depends on besides the inputs."""
+        drawn, settings = plan.trial(trial), self.study.robot
+        if kind == "practice":
+            cycles = (CycleSetup(practice_scene(self.layout), PRACTICE_OBJECT.id, None),)
+        else:
+            done: set[str] = set()
+            made = []
+            for pickup in drawn.pickups:
+                remaining = [name for name in drawn.placement if name not in done]
+                made.append(
+                    CycleSetup(layout_scene(self.layout, drawn.placement, remaining), pickup.object, pickup.bin)
+                )
+                done.add(pickup.object)
+            cycles = tuple(made)
+        return TrialSetup(
+            participant=participant,
+            trial=trial,
+            condition=drawn.condition,
+            kind=kind,
+            cycles=cycles,
+            parameters=self.parameters(drawn.condition),
+            timing=RobotTiming(
+                speed_m_s=settings.speed_m_s,
+                gripper_ticks=settings.gripper_ticks,
+                settle_timeout_ticks=settings.settle_timeout_ticks,
+                reset_ticks=settings.reset_ticks,
+            ),
+        )
+
+    def parameters_json(self, condition_id: str) -> dict[str, Any]:
+        """Every parameter of the arbiter under one condition, for the record."""
+        parameters = self.parameters(condition_id)
+        fields = {name: value for name, value in vars(parameters).items() if name != "transition"}
+        return {**fields, "transition": vars(parameters.transition)}
+
+
+def study_setup(study: Study) -> StudySetup:
+    """The study with its layout; alpha is calibrated if any condition asks for it (about a second)."""
+    layout = LAYOUTS[study.layout]
+    setup = StudySetup(study, layout, None)
+    if all(condition.alpha != "calibrated" for condition in study.conditions):
+        return setup
+    settings = study.arbiter
+    model = TransitionModel(settings.transition, settings.step_m, settings.planning_delay)
+    return replace(setup, calibration=_calibrate(setup, model))
+
+
+def _calibrate(setup: StudySetup, model: TransitionModel) -> Calibration:
+    """Over the goals a participant can meet: all objects of the layout, fewer of them, and the bins."""
+    study, layout = setup.study, setup.layout
+    scene = layout_scene(layout, study.objects, study.objects)
+    grasps = np.array([_grasp(scene.object(name)) for name in study.objects])
+    bins = np.array([item.release_world_m for item in layout.bins])
+    goal_sets = [grasps, *(grasps[left_out:] for left_out in range(1, study.pickups_per_trial)), bins]
+    low = grasps.min(axis=0) - 0.10
+    high = np.maximum(grasps.max(axis=0), bins.max(axis=0)) + 0.05
+    return calibrate_alpha(goal_sets, (low, high), model, study.arbiter.rationality_per_m, CALIBRATION_SEED)
+
+
+def _grasp(placed: Any) -> tuple[float, float, float]:
+    x_m, y_m, z_m = placed.base_world_m
+    return (x_m, y_m, z_m + placed.spec.grasp_height_m)

@@ -1,0 +1,187 @@
+"""create_app(lab): pages, links, sockets. Routes and checks of who may, no decisions."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI, Request, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
+from fastapi.staticfiles import StaticFiles
+from fastapi_offline import FastAPIOffline
+
+from app import sockets
+from app.api import add_api
+from app.config import LabError
+from app.lab import Lab
+from app.scene_proxy import proxy_scene, scene_page_response
+from app.session import LiveSession, Role
+
+STATIC = Path(__file__).resolve().parent.parent / "static"
+COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}
+"""One each: on one machine the path of the panel is below that of the participant's page."""
+COOKIE_MAX_AGE_S = 30 * 24 * 3600
+
+SECURITY_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "SAMEORIGIN",
+}
+PAGE_POLICY = (
+    "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; "
+    "worker-src 'self'; frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'"
+)
+
+
+def create_app(lab: Lab) -> FastAPI:
+    """The web application of one prepared lab; it opens the lab when it starts and closes it when it ends."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await lab.open()
+        try:
+            yield
+        finally:
+            await lab.close()
+
+    app = FastAPIOffline(
+        title="Shared Autonomy Lab",
+        description="Run, log, replay and analyse shared-autonomy studies.",
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    app.state.lab = lab
+    add_api(app)
+    _add_errors(app)
+    _add_pages(app, lab)
+    _add_sockets(app, lab)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    return app
+
+
+def _add_errors(app: FastAPI) -> None:
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_: Request, error: RequestValidationError) -> JSONResponse:
+        """What is wrong, without echoing what was sent (it may be NaN, or megabytes)."""
+        problems = [
+            {"field": ".".join(str(part) for part in item["loc"][1:]) or "body", "message": item["msg"]}
+            for item in error.errors()
+        ]
+        detail = "; ".join(f"{problem['field']}: {problem['message']}" for problem in problems[:20])
+        return JSONResponse({"detail": detail, "problems": problems[:20]}, 422)
+
+    @app.exception_handler(LabError)
+    async def lab_error(_: Request, error: LabError) -> JSONResponse:
+        return JSONResponse({"detail": str(error)}, 503)
+
+    @app.middleware("http")
+    async def secure(request: Request, call_next: Any) -> Response:
+        response: Response = await call_next(request)
+        for name, value in SECURITY_HEADERS.items():
+            response.headers.setdefault(name, value)
+        return response
+
+
+def _page(name: str, status: int = 200) -> Response:
+    headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
+    return FileResponse(STATIC / name, status, headers=headers)
+
+
+def _forbidden() -> Response:
+    """One answer for every link that is not valid: it tells nothing about what exists."""
+    return _page("forbidden.html", 403)
+
+
+def _add_pages(app: FastAPI, lab: Lab) -> None:
+    async def enter(request: Request, token: str, role: Role) -> Response:
+        holder = await lab.admit(token)
+        if holder is None or holder[1] != role:
+            return _forbidden()
+        stored = holder[0]
+        agent = request.headers.get("user-agent", "")[:300]
+        await lab.note_identity(stored.participant, f"user_agent_{role}", agent)
+        path = f"/s/{stored.public_id}" + ("/panel" if role == "panel" else "")
+        response = RedirectResponse(f"{path}/", 303)
+        secure = request.url.scheme == "https" or lab.base_url.startswith("https")
+        response.set_cookie(
+            COOKIES[role], token, max_age=COOKIE_MAX_AGE_S, path=path, httponly=True, samesite="lax", secure=secure
+        )
+        return response
+
+    async def is_holder(request: Request, public_id: str, role: Role) -> bool:
+        token = request.cookies.get(COOKIES[role])
+        holder = await lab.holder(token) if token else None
+        return holder is not None and holder[0].public_id == public_id and holder[1] == role
+
+    @app.get("/", include_in_schema=False)
+    async def front() -> Response:
+        return _page("index.html")
+
+    @app.get("/dashboard", include_in_schema=False)
+    async def dashboard() -> Response:
+        return _page("dashboard.html")
+
+    @app.get("/p/{token}", include_in_schema=False)
+    async def participant_link(request: Request, token: str) -> Response:
+        return await enter(request, token, "participant")
+
+    @app.get("/d/{token}", include_in_schema=False)
+    async def panel_link(request: Request, token: str) -> Response:
+        return await enter(request, token, "panel")
+
+    @app.get("/s/{public_id}/", include_in_schema=False)
+    async def participant_page(request: Request, public_id: str) -> Response:
+        allowed = await is_holder(request, public_id, "participant")
+        return _page("participant.html") if allowed else _forbidden()
+
+    @app.get("/s/{public_id}/panel/", include_in_schema=False)
+    async def panel_page(request: Request, public_id: str) -> Response:
+        return _page("panel.html") if await is_holder(request, public_id, "panel") else _forbidden()
+
+    @app.get("/s/{public_id}/scene/", include_in_schema=False)
+    async def scene_page(request: Request, public_id: str) -> Response:
+        allowed = await is_holder(request, public_id, "participant")
+        return scene_page_response(request.headers) if allowed else _forbidden()
+
+    @app.get("/favicon.ico", include_in_schema=False)
+    async def favicon() -> Response:
+        return Response(status_code=204)
+
+
+def _add_sockets(app: FastAPI, lab: Lab) -> None:
+    async def admitted(websocket: WebSocket, public_id: str, role: Role) -> LiveSession | None:
+        """The session a socket belongs to; otherwise the handshake is answered with 403."""
+        token = websocket.cookies.get(COOKIES[role])
+        holder = await lab.holder(token) if token else None
+        fits = holder is not None and holder[0].public_id == public_id and holder[1] == role
+        if holder is None or not fits or not sockets.same_origin(websocket, lab.config.public_url):
+            await websocket.close(1008)
+            return None
+        return await lab.session(holder[0])
+
+    async def converse(websocket: WebSocket, public_id: str, role: Role) -> None:
+        session = await admitted(websocket, public_id, role)
+        if session is not None:
+            await websocket.accept()
+            await sockets.serve(websocket, session, role)
+
+    @app.websocket("/s/{public_id}/socket")
+    async def participant_socket(websocket: WebSocket, public_id: str) -> None:
+        await converse(websocket, public_id, "participant")
+
+    @app.websocket("/s/{public_id}/panel/socket")
+    async def panel_socket(websocket: WebSocket, public_id: str) -> None:
+        await converse(websocket, public_id, "panel")
+
+    @app.websocket("/s/{public_id}/scene")
+    async def scene_socket(websocket: WebSocket, public_id: str) -> None:
+        session = await admitted(websocket, public_id, "participant")
+        if session is None:
+            return
+        if session.scene_port is None:
+            await websocket.close(1013)
+            return
+        await proxy_scene(websocket, session.scene_port)

@@ -1,0 +1,224 @@
+"""The steps a page can submit: what each must contain, and what follows from it for the session and the record.
+
+A step either is refused, with the field that is wrong, or leads to an `Outcome`. Nothing is stored here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from study.design import Study
+from study.protocol import Event, Session
+from study.records import SurveyAnswerRow
+from study.surveys import (
+    AnswerProblem,
+    answer_rows,
+    validate_comprehension,
+    validate_debrief,
+    validate_demographics,
+    validate_surveys,
+)
+
+Text = Annotated[str, Field(max_length=4000)]
+Name = Annotated[str, Field(max_length=200)]
+
+
+class Refused(ValueError):
+    """A submission the lab cannot take: `problems` are (field, message); `kept` is recorded all the same."""
+
+    def __init__(
+        self,
+        code: Literal["invalid", "illegal"],
+        *problems: tuple[str | None, str],
+        kept: tuple[SurveyAnswerRow, ...] = (),
+    ) -> None:
+        self.code = code
+        self.problems = problems
+        self.kept = kept
+        super().__init__("; ".join(message for _, message in problems))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a step leads to: an event of the protocol, answers for the record, lines for the event log."""
+
+    event: Event | None = None
+    answers: tuple[SurveyAnswerRow, ...] = ()
+    consent_hash: str | None = None
+    log: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class StepContext:
+    """What a step is checked against."""
+
+    study: Study
+    session: Session
+    condition: str
+    utc: str
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ConsentData(_Data):
+    """Agreement to the text with this hash."""
+
+    accepted: Literal[True]
+    hash: str
+
+
+class AnswersData(_Data):
+    """Answers by item (or by questionnaire and item); `study.surveys` checks what is in them."""
+
+    answers: dict[Name, Any]
+
+
+class SetupData(_Data):
+    """The input device and how it is read."""
+
+    device: Literal["gamepad", "keyboard"]
+    pad_id: Name | None = None
+    mapping: dict[Name, Any] = Field(default_factory=dict, max_length=40)
+    dead_zone: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.25
+    sound: bool
+
+
+class ReasonData(_Data):
+    """Free words, if any."""
+
+    reason: Text | None = None
+
+
+class HelpData(_Data):
+    """Free words, if any."""
+
+    text: Text | None = None
+
+
+class AlertData(_Data):
+    """Which reading, and what was typed."""
+
+    alert: Annotated[int, Field(ge=1)]
+    value: Text | None = None
+
+
+class NoData(_Data):
+    """Nothing."""
+
+
+DataType = TypeVar("DataType", bound=_Data)
+
+
+def parse(model: type[DataType], data: Mapping[str, Any]) -> DataType:
+    """The step's data, or `Refused` naming the first field that is wrong."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in first["loc"]) or None
+        raise Refused("invalid", (f"data.{field}" if field else "data", str(first["msg"]))) from None
+
+
+def check(problems: tuple[AnswerProblem, ...]) -> None:
+    """Refuse answers that have problems."""
+    if problems:
+        raise Refused("invalid", *((problem.field, problem.message) for problem in problems))
+
+
+def _consent(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    given = parse(ConsentData, data)
+    if given.hash != context.study.consent.hash:
+        raise Refused("invalid", ("data.hash", "the consent text has changed since it was shown; please read it again"))
+    return Outcome(Event("consent_given"), consent_hash=given.hash)
+
+
+def _decline(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    parse(NoData, data)
+    return Outcome(Event("consent_declined"))
+
+
+def _demographics(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    answers = parse(AnswersData, data).answers
+    check(validate_demographics(context.study, answers))
+    participant = context.session.participant
+    return Outcome(Event("demographics_done"), answers=answer_rows(participant, "demographics", answers, context.utc))
+
+
+def _setup(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    setup = parse(SetupData, data)
+    if len(json.dumps(setup.mapping)) > 8000:
+        raise Refused("invalid", ("data.mapping", "is larger than 8000 characters of JSON"))
+    return Outcome(Event("setup_done"), log=setup.model_dump())
+
+
+def _instructions(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    answers = parse(AnswersData, data).answers
+    problems = validate_comprehension(context.study, answers)
+    known = {question.id for question in context.study.instructions.questions}
+    given = {item: value for item, value in answers.items() if item in known and isinstance(value, str)}
+    rows = answer_rows(context.session.participant, "comprehension", given, context.utc)
+    if problems:
+        raise Refused("invalid", *((problem.field, problem.message) for problem in problems), kept=rows)
+    return Outcome(Event("instructions_done"), answers=rows)
+
+
+def _survey(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    answers = parse(AnswersData, data).answers
+    check(validate_surveys(context.study, answers))
+    session = context.session
+    rows = [
+        row
+        for instrument, items in answers.items()
+        for row in answer_rows(
+            session.participant, instrument, items, context.utc, condition=context.condition, trial=session.trial
+        )
+    ]
+    return Outcome(Event("survey_done"), answers=tuple(rows))
+
+
+def _debrief(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    answers = parse(AnswersData, data).answers
+    check(validate_debrief(context.study, answers))
+    return Outcome(
+        Event("debrief_done"), answers=answer_rows(context.session.participant, "debrief", answers, context.utc)
+    )
+
+
+def _withdraw(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    return Outcome(Event("withdraw", parse(ReasonData, data).reason))
+
+
+def _help(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    return Outcome(log=parse(HelpData, data).model_dump())
+
+
+def _plain(event: Literal["start", "continue", "resume"]) -> Callable[[StepContext, Mapping[str, Any]], Outcome]:
+    def step(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+        parse(NoData, data)
+        return Outcome(Event(event))
+
+    return step
+
+
+STEPS: Mapping[str, Callable[[StepContext, Mapping[str, Any]], Outcome]] = {
+    "consent": _consent,
+    "decline": _decline,
+    "demographics": _demographics,
+    "setup": _setup,
+    "instructions": _instructions,
+    "start": _plain("start"),
+    "survey": _survey,
+    "continue": _plain("continue"),
+    "resume": _plain("resume"),
+    "debrief": _debrief,
+    "withdraw": _withdraw,
+    "help": _help,
+}
+"""Every step but those about alerts, which belong to the distractor."""

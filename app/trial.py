@@ -1,0 +1,574 @@
+"""One trial (or practice), tick by tick: who moves the robot, what is believed, and when a task is over.
+
+    engine = TrialEngine(setup, robot)
+    engine.open()
+    while not engine.finished:
+        result = engine.tick(OperatorInput(direction=(1, 0, 0)))
+
+`TrialEngine` has no clock, no socket and no randomness: the same setup and the same inputs give the same rows, bit for
+bit. A live session spreads a tick over half a second by calling `begin`, `advance` (15 times) and `end` itself.
+
+A tick (paper IV-A):
+
+    input ──► gripper button? ──► fingers move, motion pauses            source = gripper
+          ──► direction?      ──► belief update, robot follows           source = user
+          ──► nothing         ──► the condition's arbiter chooses        source = robot, or idle under teleoperation
+
+The unit is the pick-and-place cycle. Each starts in a fresh physics world, so a cycle can be re-run from its first tick
+alone: `CycleStart` is all that has to be remembered.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from app.autonomy.actions import UNIT_DIRECTIONS, index_of
+from app.autonomy.arbiter import ArbiterParameters, decide
+from app.autonomy.belief import Belief
+from app.autonomy.transition import TransitionModel
+from app.outcomes import (
+    Verdict,
+    dropoff_verdict,
+    pickup_verdict,
+    practice_verdict,
+    release_points,
+)
+from sim.interface import (
+    SLICES_PER_TICK,
+    TICK_S,
+    GripperCommand,
+    MotionSegment,
+    MotionVerdict,
+    Pose,
+    Robot,
+    RobotCommand,
+    SceneSpec,
+    Vector3,
+    WorldState,
+)
+from study.records import TaskRow, TickRow
+
+Direction = tuple[int, int, int]
+Kind = Literal["trial", "practice"]
+STILL: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class OperatorInput:
+    """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
+
+    direction: Direction | None = None
+    gripper: Literal["open", "close"] | None = None
+    seq: int | None = None
+    after_pause: bool = False
+
+
+NO_INPUT = OperatorInput()
+
+
+@dataclass(frozen=True)
+class RobotTiming:
+    """How the arm moves and how long things take; defaults as in the study file."""
+
+    speed_m_s: float = 0.04
+    gripper_ticks: int = 2
+    settle_timeout_ticks: int = 12
+    reset_ticks: int = 4
+
+
+@dataclass(frozen=True)
+class CycleSetup:
+    """One pick-and-place: its scene (what is still on the table), the instructed object and bin."""
+
+    scene: SceneSpec
+    object: str
+    bin: str | None
+    """None in practice: the object is put down anywhere else."""
+
+
+@dataclass(frozen=True)
+class TrialSetup:
+    """Everything a trial depends on besides the inputs."""
+
+    participant: str
+    trial: int
+    condition: str
+    kind: Kind
+    cycles: tuple[CycleSetup, ...]
+    parameters: ArbiterParameters
+    timing: RobotTiming = field(default_factory=RobotTiming)
+
+
+@dataclass(frozen=True)
+class CycleStart:
+    """Where to take a trial up again: the cycle (from 1), its first tick, and what lies in the bins already."""
+
+    cycle: int = 1
+    first_tick: int = 0
+    delivered: tuple[tuple[str, Pose], ...] = ()
+
+
+@dataclass(frozen=True)
+class EngineEvent:
+    """Something worth a line in the event log."""
+
+    kind: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """What a page may show of the trial. `source` must not reach a participant unless the study says so."""
+
+    phase: Literal["operating", "gripper", "settling", "reset", "finished"]
+    kind: Literal["pickup", "dropoff"]
+    object: str
+    bin: str | None
+    done_tasks: int
+    tasks: int
+    gripper: str
+    holding: bool
+    blocked: bool
+    source: str
+    ended: Verdict | None
+    """Verdict of the task that ended in this tick."""
+
+
+@dataclass(frozen=True)
+class TickResult:
+    """What one tick left behind. `cycle_start` is set on the last tick before a new cycle."""
+
+    row: TickRow
+    tasks: tuple[TaskRow, ...]
+    events: tuple[EngineEvent, ...]
+    view: TrialView
+    cycle_start: CycleStart | None
+    finished: bool
+
+
+@dataclass(frozen=True)
+class _Tick:
+    """What was decided at the start of a tick, kept until its end."""
+
+    row: dict[str, Any]
+    verdict: MotionVerdict
+    moves: bool
+
+
+class TrialEngine:
+    """Runs one trial on one robot. See the module's text for the order of things.
+
+    Attributes:
+        finished: all tasks are over.
+        setup: what the trial depends on.
+    """
+
+    def __init__(self, setup: TrialSetup, robot: Robot, start: CycleStart | None = None) -> None:
+        self.setup = setup
+        self.finished = False
+        self._robot = robot
+        self._start = start or CycleStart()
+        self._tick = self._start.first_tick
+        self._cycle = self._start.cycle
+        self._delivered: dict[str, Pose] = dict(self._start.delivered)
+        self._kind: Literal["pickup", "dropoff"] = "pickup"
+        self._task_first_tick: int | None = None
+        self._task_goals = 0
+        self._momentum: Vector3 = STILL
+        self._belief: Belief | None = None
+        self._held_before: str | None = None
+        self._gripper_ticks_left = 0
+        self._reset_ticks_left = 0
+        self._settling_ticks = 0
+        self._pending: _Tick | None = None
+        self._world: WorldState | None = None
+
+    # ---- what callers may look at -------------------------------------------------------------------------------
+
+    @property
+    def world(self) -> WorldState:
+        """The world after the last slice."""
+        if self._world is None:
+            raise RuntimeError("the engine is not open; call open() first")
+        return self._world
+
+    @property
+    def scene(self) -> SceneSpec:
+        """The scene of the current cycle."""
+        return self._cycle_setup.scene
+
+    @property
+    def delivered(self) -> Mapping[str, Pose]:
+        """Where the objects of earlier cycles came to rest."""
+        return self._delivered
+
+    @property
+    def next_tick(self) -> int:
+        """Number of the next tick."""
+        return self._tick
+
+    @property
+    def cycle(self) -> int:
+        """Number of the current cycle, from 1."""
+        return self._cycle
+
+    @property
+    def belief(self) -> Belief | None:
+        """The belief after the last tick; None before the first."""
+        return self._belief
+
+    def view(self, source: str = "idle", blocked: bool = False, ended: Verdict | None = None) -> TrialView:
+        """The trial as a page may show it now."""
+        phase: Literal["operating", "gripper", "settling", "reset", "finished"] = "operating"
+        if self.finished:
+            phase = "finished"
+        elif self._reset_ticks_left:
+            phase = "reset"
+        elif self._settling_ticks:
+            phase = "settling"
+        elif self._gripper_ticks_left:
+            phase = "gripper"
+        return TrialView(
+            phase=phase,
+            kind=self._kind,
+            object=self._cycle_setup.object,
+            bin=self._cycle_setup.bin,
+            done_tasks=self._task - 1 if not self.finished else self._tasks,
+            tasks=self._tasks,
+            gripper=self.world.gripper,
+            holding=self.world.held is not None,
+            blocked=blocked,
+            source=source,
+            ended=ended,
+        )
+
+    # ---- running ------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first."""
+        self._enter_cycle(reset=self._start.first_tick > 0)
+
+    def tick(self, operator: OperatorInput = NO_INPUT) -> TickResult:
+        """One whole tick."""
+        self.begin(operator)
+        for _ in range(SLICES_PER_TICK):
+            self.advance()
+        return self.end()
+
+    def begin(self, operator: OperatorInput) -> None:
+        """Take the input, update the belief, decide, and command the robot."""
+        if self.finished or self._pending is not None:
+            raise RuntimeError("a tick cannot begin: " + ("the trial is over" if self.finished else "one is running"))
+        if operator.after_pause:
+            self._momentum = STILL
+        if self._reset_ticks_left:
+            self._pending = self._begin_still(operator, "reset")
+            return
+        self._refresh_goals()
+        gripper = self._gripper_command(operator)
+        if gripper is not None:
+            self._gripper_ticks_left = self.setup.timing.gripper_ticks
+        if self._gripper_ticks_left or self._settling_ticks:
+            self._pending = self._begin_still(operator, "gripper", gripper or "hold")
+        else:
+            self._pending = self._begin_motion(operator)
+
+    def advance(self) -> None:
+        """One slice of physics."""
+        self._robot.advance()
+        self._world = self._robot.observe()
+
+    def end(self) -> TickResult:
+        """Judge what happened and hand over the tick's row."""
+        if self._pending is None:
+            raise RuntimeError("no tick is running; call begin() first")
+        pending, self._pending = self._pending, None
+        world = self._world = self._robot.observe()
+        events: list[EngineEvent] = []
+        blocked, reason = pending.verdict.blocked, pending.verdict.reason
+        if pending.moves and world.lagging:
+            blocked, reason = True, "the arm is pressed against something"
+        executed = pending.verdict.executed[-1].direction if pending.verdict.executed else STILL
+        self._momentum = executed if pending.moves and not blocked else STILL
+        row = TickRow(
+            **pending.row,
+            blocked=int(blocked),
+            blocked_reason=reason,
+            gripper=world.gripper,
+            held=world.held,
+            started_utc=None,
+            late_ms=None,
+            digest=world.digest(),
+        )
+        self._tick += 1
+        events += self._note_grasp(world)
+        tasks, verdict, cycle_start = self._judge(row.source, world, events)
+        self._held_before = world.held
+        return TickResult(
+            row=row,
+            tasks=tasks,
+            events=tuple(events),
+            view=self.view(row.source, blocked, verdict),
+            cycle_start=cycle_start,
+            finished=self.finished,
+        )
+
+    # ---- the start of a tick ------------------------------------------------------------------------------------
+
+    def _goals(self) -> dict[str, Vector3]:
+        """Candidate goals: the bins while something is held, else the objects of the scene where they are now."""
+        if self.world.held is not None:
+            return release_points(self.scene.bins)
+        return {item.id: item.grasp_world_m for item in self.world.objects}
+
+    def _refresh_goals(self) -> None:
+        """Goals and belief for this tick. A changed set of goals starts a fresh belief."""
+        goal_ids = tuple(self._goals())
+        if self._belief is None or self._belief.goal_ids != goal_ids:
+            self._belief = Belief.uniform(goal_ids)
+        if self._task_first_tick is None:
+            self._task_first_tick = self._tick
+            self._task_goals = len(goal_ids)
+
+    def _gripper_command(self, operator: OperatorInput) -> GripperCommand | None:
+        """The button's command, unless the fingers are busy or already there."""
+        if operator.gripper is None or self._gripper_ticks_left or self._settling_ticks:
+            return None
+        already = {"open": "open", "close": "closed"}[operator.gripper]
+        return None if self.world.gripper == already else operator.gripper
+
+    def _begin_still(self, operator: OperatorInput, source: str, gripper: GripperCommand = "hold") -> _Tick:
+        segments = (MotionSegment(STILL, SLICES_PER_TICK),)
+        verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s, gripper))
+        pressed = gripper if gripper != "hold" else None
+        return _Tick(self._row(operator, source, None, None, pressed), verdict, moves=False)
+
+    def _begin_motion(self, operator: OperatorInput) -> _Tick:
+        assert self._belief is not None
+        goals = self._goals()
+        parameters = self.setup.parameters
+        autonomous = operator.direction is None and parameters.condition != "teleoperation"
+        decision = decide(
+            self.world.position_world_gripper_m,
+            self._momentum,
+            np.array(list(goals.values())),
+            self._belief.probabilities,
+            operator.direction,
+            parameters,
+            self._feasible(parameters.transition) if autonomous else None,
+        )
+        self._belief = Belief(self._belief.goal_ids, decision.evaluation.posterior)
+        user, action, source = operator.direction, decision.direction, "user"
+        if user is None:
+            source = "robot" if autonomous else "idle"
+        segments = motion_segments(parameters.transition, self._momentum, action)
+        verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
+        chosen = action if source != "idle" else None
+        return _Tick(self._row(operator, source, user, chosen, None), verdict, moves=any(action))
+
+    def _feasible(self, model: TransitionModel) -> np.ndarray:
+        """Which of the 27 actions the arm can do from here, shape (27,)."""
+        reach_m = self.setup.timing.speed_m_s * TICK_S
+        return self._robot.feasible(reach_m / model.step_m * model.displacements(self._momentum))
+
+    def _row(
+        self,
+        operator: OperatorInput,
+        source: str,
+        user: Direction | None,
+        action: Direction | None,
+        pressed: str | None,
+    ) -> dict[str, Any]:
+        """The part of the row that is known at the start of the tick."""
+        resetting = source == "reset"
+        belief = self._belief if not resetting else None
+        goals = self._goals()
+        p, m = self.world.position_world_gripper_m, self._momentum
+        user_xyz: tuple[int | None, ...] = user if user is not None else (None, None, None)
+        action_xyz: tuple[int | None, ...] = action if action is not None else (None, None, None)
+        return {
+            "participant": self.setup.participant,
+            "condition": self.setup.condition,
+            "trial": self.setup.trial,
+            "task": None if resetting else self._task,
+            "kind": None if resetting else self._kind,
+            "tick": self._tick,
+            "cycle": self._cycle,
+            "trial_s": self._tick * TICK_S,
+            "goal": None if resetting else self._goal,
+            **dict(zip(("p_x", "p_y", "p_z"), p, strict=True)),
+            **dict(zip(("m_x", "m_y", "m_z"), m, strict=True)),
+            **dict(zip(("user_x", "user_y", "user_z"), user_xyz, strict=True)),
+            **dict(zip(("action_x", "action_y", "action_z"), action_xyz, strict=True)),
+            "source": source,
+            "gripper_input": pressed,
+            "after_pause": int(operator.after_pause),
+            "goals": _json({name: list(position) for name, position in goals.items()}),
+            "belief": _json(belief.as_dict() if belief else dict.fromkeys(goals, 1.0 / len(goals))),
+            "entropy": belief.entropy if belief else Belief.uniform(tuple(goals)).entropy,
+            "input_seq": operator.seq,
+        }
+
+    # ---- the end of a tick --------------------------------------------------------------------------------------
+
+    def _note_grasp(self, world: WorldState) -> list[EngineEvent]:
+        if world.held == self._held_before:
+            return []
+        if world.held is None:
+            return [EngineEvent("released", {"object": self._held_before})]
+        if world.held != self._cycle_setup.object:
+            return [EngineEvent("wrong_object_grasped", {"object": world.held, "instructed": self._cycle_setup.object})]
+        return [EngineEvent("grasped", {"object": world.held})]
+
+    def _judge(
+        self, source: str, world: WorldState, events: list[EngineEvent]
+    ) -> tuple[tuple[TaskRow, ...], Verdict | None, CycleStart | None]:
+        """Count down what is under way, and end the task if it is over."""
+        if source == "reset":
+            self._reset_ticks_left -= 1
+            return (), None, None
+        if self._gripper_ticks_left and source == "gripper":
+            self._gripper_ticks_left -= 1
+        if self._kind == "pickup":
+            verdict = pickup_verdict(self.scene, world, self._cycle_setup.object)
+            if verdict is None:
+                return (), None, None
+            if verdict.outcome == "success":
+                return (self._end_task(verdict),), verdict, None
+        else:
+            verdict = self._settled_verdict(world)
+            if verdict is None:
+                return (), None, None
+        return self._end_cycle(verdict, world, events)
+
+    def _settled_verdict(self, world: WorldState) -> Verdict | None:
+        """In a dropoff: None until the object has left the fingers and come to rest (or the wait ran out)."""
+        name = self._cycle_setup.object
+        if world.held == name:
+            self._settling_ticks = 0
+            return None
+        self._settling_ticks += 1
+        timed_out = self._settling_ticks >= self.setup.timing.settle_timeout_ticks
+        if self._gripper_ticks_left or not (world.object(name).settled or timed_out):
+            return None
+        if self._cycle_setup.bin is None:
+            return practice_verdict(self.scene, world, name)
+        return dropoff_verdict(self.scene, world, name, self._cycle_setup.bin)
+
+    def _end_task(self, verdict: Verdict) -> TaskRow:
+        """The task's row; the next task begins with the next tick and a fresh belief."""
+        row = self._task_row(self._kind, verdict.outcome, verdict.reason, self._task_first_tick, self._tick - 1)
+        self._kind = "dropoff"
+        self._task_first_tick = None
+        self._belief = None
+        return row
+
+    def _end_cycle(
+        self, verdict: Verdict, world: WorldState, events: list[EngineEvent]
+    ) -> tuple[tuple[TaskRow, ...], Verdict, CycleStart | None]:
+        tasks = [self._task_row(self._kind, verdict.outcome, verdict.reason, self._task_first_tick, self._tick - 1)]
+        if self._kind == "pickup" and self.setup.kind == "trial":
+            tasks.append(self._task_row("dropoff", "not_run", "pickup_failed", None, None))
+        if self._cycle_setup.bin is not None and self._kind == "dropoff":
+            self._delivered[self._cycle_setup.object] = world.object(self._cycle_setup.object).pose
+        practice_done = self.setup.kind == "practice" and self._kind == "dropoff" and verdict.outcome == "success"
+        if self.setup.kind == "practice" and not practice_done:
+            events.append(EngineEvent("practice_repeated", {"reason": verdict.reason}))
+        last = self.setup.kind == "trial" and self._cycle == len(self.setup.cycles)
+        if last or practice_done:
+            self.finished = True
+            return tuple(tasks), verdict, None
+        self._cycle += 1
+        start = CycleStart(self._cycle, self._tick, tuple(self._delivered.items()))
+        self._enter_cycle(reset=True)
+        return tuple(tasks), verdict, start
+
+    def _enter_cycle(self, reset: bool) -> None:
+        """A fresh world: arm at the start, belief forgotten, everything displaced restored."""
+        self._kind = "pickup"
+        self._task_first_tick = None
+        self._belief = None
+        self._momentum = STILL
+        self._held_before = None
+        self._gripper_ticks_left = 0
+        self._settling_ticks = 0
+        self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
+        self._robot.reset(self._cycle_setup.scene)
+        self._world = self._robot.observe()
+
+    # ---- where we are -------------------------------------------------------------------------------------------
+
+    @property
+    def _cycle_setup(self) -> CycleSetup:
+        return self.setup.cycles[min(self._cycle, len(self.setup.cycles)) - 1]
+
+    @property
+    def _tasks(self) -> int:
+        return 2 * len(self.setup.cycles)
+
+    @property
+    def _task(self) -> int:
+        cycle = self._cycle if self.setup.kind == "trial" else 1
+        return 2 * cycle - (1 if self._kind == "pickup" else 0)
+
+    @property
+    def _goal(self) -> str | None:
+        return self._cycle_setup.object if self._kind == "pickup" else self._cycle_setup.bin
+
+    def _task_row(
+        self, kind: str, outcome: str, reason: str | None, first_tick: int | None, last_tick: int | None
+    ) -> TaskRow:
+        cycle_setup = self._cycle_setup
+        cycle = self._cycle if self.setup.kind == "trial" else 1
+        return TaskRow(
+            participant=self.setup.participant,
+            condition=self.setup.condition,
+            trial=self.setup.trial,
+            task=2 * cycle - (1 if kind == "pickup" else 0),
+            kind=kind,
+            goal=cycle_setup.object if kind == "pickup" else (cycle_setup.bin or ""),
+            object=cycle_setup.object,
+            goals=self._task_goals if outcome != "not_run" else len(cycle_setup.scene.bins),
+            outcome=outcome,
+            reason=reason,
+            first_tick=first_tick,
+            last_tick=last_tick,
+        )
+
+
+def motion_segments(model: TransitionModel, momentum: Vector3, action: Direction) -> tuple[MotionSegment, ...]:
+    """How the arm carries out `action` within a tick: the transition model, made of slices.
+
+    `mix`: for the planning delay the arm still follows `momentum`. `replan`: a change of direction starts late.
+    """
+    x, y, z = (float(value) for value in UNIT_DIRECTIONS[index_of(action)])
+    direction = (x, y, z)
+    late_slices = round(model.planning_delay * SLICES_PER_TICK)
+    if late_slices == 0 or direction == momentum:
+        return (MotionSegment(direction, SLICES_PER_TICK),)
+    first = momentum if model.kind == "mix" else STILL
+    if late_slices == SLICES_PER_TICK:
+        return (MotionSegment(first, SLICES_PER_TICK),)
+    return (MotionSegment(first, late_slices), MotionSegment(direction, SLICES_PER_TICK - late_slices))
+
+
+def inputs_of(row: TickRow) -> OperatorInput:
+    """The input a logged tick took into account, for re-running it."""
+    direction = None
+    if row.user_x is not None and row.user_y is not None and row.user_z is not None:
+        direction = (row.user_x, row.user_y, row.user_z)
+    gripper: Literal["open", "close"] | None = None
+    if row.gripper_input == "open":
+        gripper = "open"
+    elif row.gripper_input == "close":
+        gripper = "close"
+    return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"))

@@ -1,0 +1,204 @@
+"""One session's process: robot, arbiter and scene, and the loop that runs them.
+
+    commands (Begin, Hold, Hands, SetView, Stop) ──► Worker ──► reports (Ready, Ticked, HoldChanged, Failed)
+
+Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
+after each, and the result goes out after the last. When the page has not been heard of for `heartbeat_timeout_s`, no
+tick starts (the robot is held) until it is heard of again.
+
+Lockstep: each `Hands` message that is not a heartbeat runs one tick at once. The code that runs is the same.
+
+A crash in here costs the session a second and no data: the lab starts another worker, which re-runs the current cycle
+from the log.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
+
+from app.hands import HandsLatch
+from app.loop import Deadline, Pacer
+from app.outcomes import release_points
+from app.parts import make_robot, make_scene
+from app.trial import OperatorInput, TickResult, TrialEngine
+from app.worker_messages import (
+    Begin,
+    Failed,
+    Hands,
+    Hold,
+    HoldChanged,
+    Ready,
+    SetView,
+    Sight,
+    Stop,
+    Ticked,
+    WorkerCommand,
+    WorkerSpec,
+)
+from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
+from sim.objects import OBJECTS
+
+if TYPE_CHECKING:
+    from sim.scene import SceneView
+
+IDLE_WAIT_S = 0.25
+"""How often a worker that runs no ticks looks whether the lab is still there."""
+
+
+def run(connection: Connection, spec: WorkerSpec) -> None:
+    """Entry point of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    robot = make_robot(spec.robot)
+    scene = make_scene() if spec.scene else None
+    try:
+        Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene).serve()
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass  # the lab is gone: nothing is left to serve
+    except Exception as error:
+        connection.send(Failed(f"{type(error).__name__}: {error}"))
+        raise
+    finally:
+        if scene is not None:
+            scene.close()
+        robot.close()
+        connection.close()
+
+
+class Worker:
+    """Serves one trial or practice over a connection. See the module's text."""
+
+    def __init__(self, connection: Connection, spec: WorkerSpec, engine: TrialEngine, scene: SceneView | None) -> None:
+        self._connection = connection
+        self._spec = spec
+        self._engine = engine
+        self._scene = scene
+        self._scene_cycle = 0
+        self._hands = HandsLatch(spec.heartbeat_timeout_s)
+        self._pacer = Pacer(TICK_S)
+        self._running = False
+        self._held = False
+        self._resumed = False
+        self._stopping = False
+
+    def serve(self) -> None:
+        """Build the world, re-run the log, then obey until told to stop or the lab is gone."""
+        self._engine.open()
+        mismatch = self._rerun()
+        port = self._scene.open() if self._scene else None
+        self._draw()
+        self._connection.send(Ready(port, self._engine.view(), self._sight(), self._engine.finished, mismatch))
+        while not self._stopping:
+            if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
+                if self._connection.poll(IDLE_WAIT_S):
+                    self._obey(self._connection.recv())
+            else:
+                self._pace()
+
+    def _rerun(self) -> int | None:
+        mismatch = None
+        for operator, digest in self._spec.log:
+            result = self._engine.tick(operator)
+            if result.row.digest != digest and mismatch is None:
+                mismatch = result.row.tick
+        self._resumed = bool(self._spec.log)
+        return mismatch
+
+    # ---- commands -----------------------------------------------------------------------------------------------
+
+    def _obey(self, command: WorkerCommand) -> None:
+        now_s = time.monotonic()
+        if isinstance(command, Hands):
+            self._hands.put(command, now_s)
+            if self._spec.pace == "lockstep" and self._running and not command.beat and not self._engine.finished:
+                self._lockstep_tick()
+        elif isinstance(command, Begin):
+            self._hands.drop()
+            self._resumed = self._resumed or self._engine.next_tick > self._spec.start.first_tick
+            self._running = True
+            self._pacer.start(now_s)
+        elif isinstance(command, Hold):
+            self._running = False
+            self._held = False
+            self._pacer.stop()
+        elif isinstance(command, SetView):
+            if self._scene is not None:
+                self._scene.set_view(command.name)
+        elif isinstance(command, Stop):
+            self._stopping = True
+
+    def _drain(self, wait_s: float) -> None:
+        """Obey what has arrived, waiting at most `wait_s` for the first."""
+        if self._connection.poll(max(0.0, wait_s)):
+            self._obey(self._connection.recv())
+            while self._connection.poll(0.0):
+                self._obey(self._connection.recv())
+
+    # ---- ticks --------------------------------------------------------------------------------------------------
+
+    def _lockstep_tick(self) -> None:
+        started_unix_s = time.time()
+        result = self._engine.tick(self._take_input())
+        self._draw()
+        self._connection.send(Ticked(result, self._sight(), self._hands.seq, started_unix_s, None, 0))
+
+    def _pace(self) -> None:
+        """Wait for the next deadline and run its tick, if the page is there."""
+        self._drain(self._pacer.wait_s(time.monotonic()))
+        deadline = self._pacer.take(time.monotonic()) if self._running else None
+        if deadline is None:
+            return
+        if self._hands.fresh(time.monotonic()):
+            if self._held:
+                self._held = False
+                self._connection.send(HoldChanged(False))
+            self._real_time_tick(deadline)
+        elif not self._held:
+            self._held = True
+            self._resumed = True
+            self._hands.drop()
+            self._connection.send(HoldChanged(True))
+
+    def _real_time_tick(self, deadline: Deadline) -> None:
+        started_unix_s = time.time()
+        self._engine.begin(self._take_input())
+        seq = self._hands.seq
+        for index in range(SLICES_PER_TICK):
+            due_s = deadline.due_s + index * SLICE_S
+            while (wait_s := due_s - time.monotonic()) > 0:
+                self._drain(wait_s)
+            self._engine.advance()
+            self._draw()
+        result = self._engine.end()
+        late_ms = deadline.late_s * 1000.0
+        self._connection.send(Ticked(result, self._sight(), seq, started_unix_s, late_ms, deadline.missed))
+        self._draw(ended=result)
+
+    def _sight(self) -> Sight:
+        world = self._engine.world
+        return Sight(
+            position_m=world.position_world_gripper_m,
+            held=world.held,
+            gripper=world.gripper,
+            objects_m={item.id: item.grasp_world_m for item in world.objects},
+            bins_m=release_points(self._engine.scene.bins),
+        )
+
+    def _take_input(self) -> OperatorInput:
+        operator = replace(self._hands.take(), after_pause=self._resumed)
+        self._resumed = False
+        return operator
+
+    def _draw(self, ended: TickResult | None = None) -> None:
+        """Show the world as it is now; a new cycle's scene replaces the old one."""
+        if self._scene is None:
+            return
+        if self._scene_cycle != self._engine.cycle:
+            self._scene_cycle = self._engine.cycle
+            self._scene.show(self._engine.scene, self._engine.delivered, specs=tuple(OBJECTS.values()))
+        elif ended is not None:
+            return
+        self._scene.update(self._engine.world, self._engine.delivered)

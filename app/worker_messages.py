@@ -1,0 +1,127 @@
+"""What passes between the lab and a session's worker process: the narrow interface, as plain frozen values.
+
+The lab never touches a robot or a scene, the worker never touches a socket or a database. Values are picklable, so the
+same worker could run on another machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from app.trial import CycleStart, OperatorInput, TickResult, TrialSetup, TrialView
+from sim.interface import GripperState, Vector3
+
+RobotName = Literal["bullet", "kinematic"]
+Pace = Literal["real_time", "lockstep"]
+
+
+@dataclass(frozen=True)
+class WorkerSpec:
+    """Everything a worker is started with.
+
+    `log` holds the inputs of the current cycle that are already on disk, with the digests they led to: the worker
+    re-runs them before it reports ready.
+    """
+
+    setup: TrialSetup
+    start: CycleStart
+    log: tuple[tuple[OperatorInput, str], ...]
+    robot: RobotName
+    pace: Pace
+    scene: bool
+    heartbeat_timeout_s: float
+
+
+# ---- lab → worker -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Begin:
+    """Run ticks from now on (also after a pause)."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Run no ticks until the next `Begin`; the tick that is running is finished first."""
+
+
+@dataclass(frozen=True)
+class Hands:
+    """State of the hands, from an input (`pressed` may hold a gripper press) or a heartbeat."""
+
+    seq: int
+    direction: tuple[int, int, int] | None
+    pressed: Literal["open", "close"] | None = None
+    beat: bool = False
+    """True for a heartbeat: in lockstep it runs no tick."""
+
+
+@dataclass(frozen=True)
+class SetView:
+    """Switch the camera."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Stop:
+    """End the process."""
+
+
+WorkerCommand = Begin | Hold | Hands | SetView | Stop
+
+
+# ---- worker → lab -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What the scene shows, in numbers; positions in the world frame, metres."""
+
+    position_m: Vector3
+    held: str | None
+    gripper: GripperState
+    objects_m: Mapping[str, Vector3]
+    bins_m: Mapping[str, Vector3]
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The world stands and the log is re-run. `mismatch` is the first re-run tick whose digest differed, if any."""
+
+    scene_port: int | None
+    view: TrialView
+    sight: Sight
+    finished: bool
+    mismatch: int | None
+
+
+@dataclass(frozen=True)
+class Ticked:
+    """A tick is over: when it started and how it kept its deadline (`late_ms` is None in lockstep)."""
+
+    result: TickResult
+    sight: Sight
+    seq: int
+    started_unix_s: float
+    late_ms: float | None
+    missed: int
+
+
+@dataclass(frozen=True)
+class HoldChanged:
+    """The page's heartbeat went missing (held) or came back."""
+
+    held: bool
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The worker cannot go on; it ends."""
+
+    reason: str
+
+
+WorkerReport = Ready | Ticked | HoldChanged | Failed
