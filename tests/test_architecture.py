@@ -31,23 +31,23 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.server app.auth app.dashboard app.api app.scene_proxy
+        app.__main__ app.server app.api app.sockets app.scene_proxy
     """,
     "engine": """
-        app.config app.lab app.worker app.workers app.worker_messages app.loop app.trial app.outcomes app.hands
-        app.parts app.cycles app.planning app.session app.steps app.pages app.pilot app.bots app.replay
+        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial app.outcomes app.hands
+        app.parts app.cycles app.planning app.session app.steps app.pages app.pilot app.bots
     """,
     "adapters": """
-        sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props sim.objects sim.camera
-        study.store study.writer study.fingerprint study.analysis study.figures study.export
+        sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
+        study.store study.writer study.fingerprint study.export
     """,
     "pure": """
         app.messages
         app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief app.autonomy.calibration
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
-        sim.interface sim.fetch sim.ik sim.layouts
+        sim.interface sim.fetch sim.ik sim.objects sim.layouts
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.instruments study.records study.measures
+        study.instruments study.records
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}
@@ -191,7 +191,7 @@ def test_imports_run_downward_only() -> None:
         ("app.trial", "def f():\n    from app import server", "app.trial:2 (engine) imports app.server (edge)"),
         ("study.store", "from app.lab import Lab", "study.store:1 (adapters) imports app.lab (engine)"),
         ("app.lab", "import importlib\nimportlib.import_module('app.api')", "app.lab:2 (engine) imports app.api"),
-        ("study.measures", "from sim.interface import TICK_S", "study is a room of its own"),
+        ("study.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a room of its own"),
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
