@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pickle
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from study.design import (
@@ -23,10 +22,8 @@ from study.design import (
     reading,
 )
 from study.records import StudyError
+from tests.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
 
-LAYOUTS = {"paper": 6, "wide": 6}
-OBJECTS = ("spray_bottle", "bleach_bottle", "paper_towels", "wipes_tub", "absorbent_can", "sponge_pack")
-BINS = ("left", "right")
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
 
@@ -45,14 +42,9 @@ def changed(old: str, new: str) -> str:
     return SOURCE.replace(old, new)
 
 
-@cache
-def shipped() -> Study:
-    return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
-
-
 @pytest.fixture
 def study() -> Study:
-    return shipped()
+    return shipped_study()
 
 
 def test_the_shipped_study_is_the_papers(study: Study) -> None:
@@ -64,6 +56,15 @@ def test_the_shipped_study_is_the_papers(study: Study) -> None:
     assert len(study.instructions.questions) == 3
     assert study.surveys == ("sus_modified", "tlx_raw")
     assert study.skips == frozenset()
+
+
+def test_the_shipped_study_fits_the_simulated_world() -> None:
+    from sim.layouts import LAYOUTS as layouts
+    from sim.objects import STUDY_OBJECTS
+
+    layout = layouts[shipped_study().layout]
+    slots = {name: len(candidate.slots) for name, candidate in layouts.items()}
+    load_study(None, layouts=slots, objects=STUDY_OBJECTS, bins=[bin_.id for bin_ in layout.bins])
 
 
 def test_every_demographic_question_can_be_declined(study: Study) -> None:
@@ -97,9 +98,9 @@ def test_a_study_goes_to_a_worker_unchanged(study: Study) -> None:
         ("first_s = 10.0", "first_s = nan", "distractor.first_s = nan", "at least 0.0"),
         ("enabled = true", "enabled = 1", "distractor.enabled = 1", "must be true or false"),
         ('transition = "mix"', 'transition = "mx"', 'arbiter.transition = "mx"', "did you mean 'mix'? allowed: mix, "),
-        ('layout = "paper"', 'layout = "papper"', 'layout = "papper"', "did you mean 'paper'? layouts: paper, wide"),
-        ('"right"]', '"rihgt"]', 'bins[2] = "rihgt"', "did you mean 'right'? bins: left, right"),
-        ('"right"]', '"left"]', 'bins[2] = "left"', "repeats entry 1"),
+        ('layout = "arc"', 'layout = "arch"', 'layout = "arch"', "did you mean 'arc'? layouts: arc, rows"),
+        ('"right_bin"]', '"righ_bin"]', 'bins[2] = "righ_bin"', "did you mean 'right_bin'? bins: left_bin, right_bin"),
+        ('"right_bin"]', '"left_bin"]', 'bins[2] = "left_bin"', "repeats entry 1"),
         ('["sus_modified",', '["sus",', 'surveys[1] = "sus"', "surveys: sus_modified, tlx_raw"),
         ("pickups_per_trial = 3", "pickups_per_trial = 7", "pickups_per_trial = 7", "at most 6"),
         ("pickups_per_trial = 3", "pickups_per_trial = 0", "pickups_per_trial = 0", "at least 1"),
@@ -131,7 +132,7 @@ def test_a_mistake_names_its_line_field_value_and_what_is_allowed(old: str, new:
 
 def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
     text = changed("speed_m_s = 0.04", "speed_m_s = -1").replace("first_s = 10.0", 'first_s = "ten"')
-    text = text.replace('layout = "paper"', "").replace('bins = ["left", "right"]', "bins = []")
+    text = text.replace('layout = "arc"', "").replace('bins = ["left_bin", "right_bin"]', "bins = []")
     found = problems(text)
     assert [line.split(": ")[1].split(" = ")[0] for line in found] == [
         "layout",
@@ -161,8 +162,8 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_layout_with_fewer_slots_than_objects_is_refused() -> None:
-    with pytest.raises(StudyFileError, match="has 6 entries, layout 'paper' has room for 4"):
-        parse_study(SOURCE, layouts={"paper": 4}, objects=OBJECTS)
+    with pytest.raises(StudyFileError, match="has 6 entries, layout 'arc' has room for 4"):
+        parse_study(SOURCE, layouts={"arc": 4}, objects=OBJECTS)
 
 
 def test_a_study_without_practice_demographics_and_surveys_skips_them() -> None:
@@ -185,9 +186,10 @@ def test_six_orders_and_the_least_filled_comes_next(study: Study) -> None:
     assert next_order(study, {("something", "else"): 5}) == first
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 10**6), max_size=60), st.integers(1, 4))
 def test_cells_fill_evenly_and_given_back_ones_are_filled_again(leavers: list[int], rounds: int) -> None:
-    study = shipped()
+    study = shipped_study()
     taken: Counter[tuple[str, ...]] = Counter()
     for leaver in leavers:  # people enrol, and now and then someone withdraws
         taken[next_order(study, taken)] += 1
@@ -200,9 +202,10 @@ def test_cells_fill_evenly_and_given_back_ones_are_filled_again(leavers: list[in
     assert {taken[order] for order in orders(study)} == {goal}
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**63))
 def test_a_plan_is_complete_and_the_same_every_time(seed: int) -> None:
-    study = shipped()
+    study = shipped_study()
     order = orders(study)[seed % 6]
     plan = plan_session(study, order, seed)
     assert plan == plan_session(study, order, seed)
@@ -229,7 +232,7 @@ def test_streams_are_independent(study: Study) -> None:
 
 def test_a_plan_stays_what_it_was() -> None:
     """Recorded data refer to seeds: the same seed must mean the same trial in every later version."""
-    study = shipped()
+    study = shipped_study()
     trial = plan_session(study, orders(study)[0], 7).trials[0]
     assert trial.placement == PLACEMENT_OF_SEED_7
     assert [(pickup.object, pickup.bin) for pickup in trial.pickups] == PICKUPS_OF_SEED_7
@@ -237,7 +240,7 @@ def test_a_plan_stays_what_it_was() -> None:
 
 
 PLACEMENT_OF_SEED_7 = ("paper_towels", "bleach_bottle", "sponge_pack", "absorbent_can", "wipes_tub", "spray_bottle")
-PICKUPS_OF_SEED_7 = [("bleach_bottle", "right"), ("spray_bottle", "left"), ("sponge_pack", "left")]
+PICKUPS_OF_SEED_7 = [("bleach_bottle", "right_bin"), ("spray_bottle", "left_bin"), ("sponge_pack", "left_bin")]
 
 
 def test_objects_bins_and_slots_are_all_used(study: Study) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from study.design import DistractorSettings
@@ -137,6 +137,7 @@ def test_the_state_comes_back_from_its_rows() -> None:
         from_rows(state.settings, [rows[0], rows[2]])
 
 
+@settings(deadline=None)
 @given(st.floats(0, 30), st.floats(0.5, 40), st.floats(0.1, 1), st.lists(st.integers(0, 400), max_size=30))
 def test_there_is_never_more_than_one_open_and_times_are_kept(
     first_s: float, every_s: float, share: float, ticks: list[int]

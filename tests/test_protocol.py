@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from study.protocol import (
@@ -224,6 +224,7 @@ def test_a_session_needs_a_trial_and_skips_only_what_can_be_skipped() -> None:
 # ---- properties
 
 
+@settings(deadline=None)
 @given(
     st.integers(1, 3),
     st.sets(st.sampled_from(sorted(SKIPPABLE))),
@@ -267,6 +268,7 @@ def test_no_sequence_of_legal_events_leaves_the_map(trials: int, skips: set[str]
                 advance(session, event, 0.0)
 
 
+@settings(deadline=None)
 @given(st.sampled_from([state for state in STATES if state != "paused"]), st.sampled_from(EVENTS))
 def test_allowed_is_exactly_what_advance_takes(state: str, event: EventName) -> None:
     session = Session("P001", 3, state=state, trial=2)  # type: ignore[arg-type]

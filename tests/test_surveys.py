@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.design import Study, load_study
+from study.design import Study
 from study.instruments import INSTRUMENTS
 from study.records import StudyError
 from study.surveys import (
@@ -23,14 +23,14 @@ from study.surveys import (
     validate_demographics,
     validate_surveys,
 )
-from tests.test_design import BINS, LAYOUTS, OBJECTS
+from tests.study_samples import shipped_study
 
 UTC = "2026-01-01T00:00:00+00:00"
 
 
 @pytest.fixture
 def study() -> Study:
-    return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    return shipped_study()
 
 
 def full(instrument_id: str, value: int) -> dict[str, int]:
@@ -67,6 +67,7 @@ def test_workload_is_the_mean_of_the_six_scales() -> None:
     assert score("tlx_raw", answers) == pytest.approx((2 * 4 + 7 + 5) / 6)
 
 
+@settings(deadline=None)
 @given(st.sampled_from(sorted(INSTRUMENTS)), st.data())
 def test_a_score_lies_on_the_scale(instrument_id: str, data: st.DataObject) -> None:
     answers = {item: data.draw(st.integers(1, 7)) for item in full(instrument_id, 1)}

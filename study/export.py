@@ -1,0 +1,274 @@
+"""The data package: one CSV per table, the codebook, the study file and where the data came from. And reading it back.
+
+    participants.csv trials.csv tasks.csv ticks.csv practice_ticks.csv alerts.csv survey_answers.csv events.csv
+    codebook.csv     every column of every table, described
+    study.toml       the study file (with several in use: study-<hash>.toml each, and study.toml is the latest)
+    meta.json        schema version, machines, counts
+
+The same data give the same bytes. Whatever identifies a person is not here: the store keeps it in tables of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
+from study.store import Snapshot, Store
+
+META_NAME = "meta.json"
+FORMAT = "shared-autonomy-lab export"
+_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
+"""A fixed time in the archive: equal data give equal bytes."""
+_CODEBOOK_COLUMNS = ("table", "column", "type", "may_be_blank", "unit", "levels", "description")
+
+
+def _text(value: object) -> str:
+    """Line ends as `\\n` alone: a bare carriage return is not quoted by every version's csv writer."""
+    return str(value).replace("\r\n", "\n").replace("\r", "\n")
+
+
+_WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
+_PARSERS: Mapping[str, Any] = {"int": int, "float": float, "str": str}
+_NOUNS = {"int": "a whole number", "float": "a number", "str": "text"}
+
+
+class ExportError(StudyError):
+    """A folder that cannot be written to or read from as an export; one line with what would help."""
+
+
+def export(store: Store, out_dir: Path | str, *, include_demo: bool = False) -> dict[str, int]:
+    """Write everything recorded into a folder; rows per table. Demo participants are left out unless asked for.
+
+    Raises `ExportError` when the folder holds anything but an earlier export, which is replaced.
+    """
+    with store.snapshot() as recorded:
+        tables, studies, meta = _contents(recorded, include_demo)
+        return write_tables(out_dir, tables, studies=studies, meta=meta)
+
+
+def export_zip(store: Store, *, include_demo: bool = False) -> bytes:
+    """The same files as one archive, in memory."""
+    archive = _Archive()
+    with store.snapshot() as recorded:
+        _write(archive, *_contents(recorded, include_demo))
+    return archive.close()
+
+
+def _contents(
+    recorded: Snapshot, include_demo: bool
+) -> tuple[dict[str, Iterator[Any]], dict[str, str], dict[str, Any]]:
+    tables = {table: recorded.rows(table, include_demo) for table in TABLES}
+    meta = {"machines": recorded.machines(), "erased_participants": len(recorded.erasures())}
+    return tables, recorded.study_texts(include_demo), meta
+
+
+def write_tables(
+    out_dir: Path | str,
+    tables: Mapping[str, Iterable[Any]],
+    *,
+    studies: Mapping[str, str] | None = None,
+    meta: Mapping[str, Any] | None = None,
+) -> dict[str, int]:
+    """Write rows (of the types in `records.TABLES`) as an export; tables that are not given are empty.
+
+    `studies` maps the hash of a study file to its text, `meta` is added to `meta.json`. Returns rows per table.
+    """
+    unknown = [name for name in tables if name not in TABLES]
+    if unknown:
+        raise ExportError(f"no tables {unknown}; tables are {list(TABLES)}")
+    folder = Path(out_dir)
+    _claim(folder)
+    try:
+        return _write(_Folder(folder), tables, studies or {}, meta or {})
+    except OSError as error:
+        raise ExportError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+
+def read_table(in_dir: Path | str, table: str) -> list[Any]:
+    """The rows of an exported table as their type.
+
+    Raises `ExportError` for a folder that is no export, another schema version, missing columns, or a cell that is
+    not of its column's type (with file and line). Columns that are not known are ignored.
+    """
+    infos = columns(table)
+    folder = Path(in_dir)
+    read_meta(folder)
+    path = folder / f"{table}.csv"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            missing = [info.name for info in infos if info.name not in (reader.fieldnames or ())]
+            if missing:
+                raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
+            # `line_num` is the last line of the row: cells may hold line breaks.
+            return [TABLES[table](**_parse(path, reader.line_num, infos, cells)) for cells in reader]
+    except FileNotFoundError:
+        raise ExportError(f"{path}: missing; export the data again") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ExportError(f"{path}: cannot be read: {error}") from None
+
+
+def read_meta(in_dir: Path | str) -> dict[str, Any]:
+    """`meta.json` of an export, checked to be of this schema version."""
+    path = Path(in_dir) / META_NAME
+    try:
+        meta = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ExportError(f"{path.parent}: no export here ({META_NAME} is missing)") from None
+    except (OSError, ValueError) as error:
+        raise ExportError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(meta, dict) or meta.get("format") != FORMAT:
+        raise ExportError(f"{path}: not the {META_NAME} of an export of this lab")
+    if meta.get("complete") is not True:
+        raise ExportError(f"{path.parent}: this export was interrupted; export the data again")
+    if meta.get("schema_version") != SCHEMA_VERSION:
+        raise ExportError(
+            f"{path}: schema version {meta.get('schema_version')}, this version of the lab reads {SCHEMA_VERSION}; "
+            "export the data again, or read them with the version that wrote them"
+        )
+    return meta
+
+
+class _Folder:
+    """Writes files into a folder; a table is streamed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def text(self, name: str, text: str) -> None:
+        (self.path / name).write_text(text, encoding="utf-8", newline="")
+
+    def table(self, name: str, lines: Iterable[Iterable[Any]]) -> None:
+        with (self.path / name).open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(lines)
+
+
+class _Archive:
+    """Writes the same files into a zip in memory."""
+
+    def __init__(self) -> None:
+        self._bytes = io.BytesIO()
+        self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED)
+
+    def text(self, name: str, text: str) -> None:
+        with self._open(name) as file:
+            file.write(text.encode())
+
+    def table(self, name: str, lines: Iterable[Iterable[Any]]) -> None:
+        with ExitStack() as stack:
+            raw = stack.enter_context(self._open(name))
+            text = stack.enter_context(io.TextIOWrapper(raw, encoding="utf-8", newline=""))
+            csv.writer(text, lineterminator="\n").writerows(lines)
+
+    def close(self) -> bytes:
+        self._zip.close()
+        return self._bytes.getvalue()
+
+    def _open(self, name: str) -> Any:
+        info = zipfile.ZipInfo(name, _ZIP_TIME)
+        info.compress_type = zipfile.ZIP_DEFLATED
+        info.external_attr = 0o644 << 16
+        return self._zip.open(info, "w", force_zip64=True)
+
+
+def _claim(folder: Path) -> None:
+    """Make the folder, or empty an earlier export of its files; anything else there is left alone."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        present = list(folder.iterdir())
+        if present and not _is_export(folder):
+            raise ExportError(f"{folder}: not empty and not an earlier export; choose another folder")
+        for path in present:
+            if path.name in _fixed_names() or (path.name.startswith("study-") and path.suffix == ".toml"):
+                path.unlink()
+    except OSError as error:
+        raise ExportError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+
+def _is_export(folder: Path) -> bool:
+    """Whether the folder holds an export of any schema version, or one that was interrupted."""
+    try:
+        meta = json.loads((folder / META_NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(meta, dict) and meta.get("format") == FORMAT
+
+
+def _fixed_names() -> frozenset[str]:
+    return frozenset({*(f"{table}.csv" for table in TABLES), "codebook.csv", "study.toml", META_NAME})
+
+
+def _write(
+    files: _Folder | _Archive,
+    tables: Mapping[str, Iterable[Any]],
+    studies: Mapping[str, str],
+    meta: Mapping[str, Any],
+) -> dict[str, int]:
+    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION}
+    if isinstance(files, _Folder):
+        # First of all, so that an export that is interrupted can be recognised and done again.
+        files.text(META_NAME, json.dumps({**head, "complete": False}) + "\n")
+    counts: dict[str, int] = {}
+    for table in TABLES:
+        counts[table] = 0
+        files.table(f"{table}.csv", _lines(table, tables.get(table, ()), counts))
+    files.table("codebook.csv", _codebook_lines())
+    for study_hash, text in studies.items():
+        files.text("study.toml" if len(studies) == 1 else f"study-{study_hash[:12]}.toml", text)
+    if len(studies) > 1:
+        files.text("study.toml", list(studies.values())[-1])
+    complete = {**head, "complete": True, "rows": counts, "studies": list(studies), **meta}
+    files.text(META_NAME, json.dumps(complete, indent=2, sort_keys=True) + "\n")
+    return counts
+
+
+def _lines(table: str, rows: Iterable[Any], counts: dict[str, int]) -> Iterator[list[Any]]:
+    row_type = TABLES[table]
+    casts = [(info.name, _WRITERS[info.type]) for info in columns(table)]
+    yield [name for name, _ in casts]
+    for row in rows:
+        if not isinstance(row, row_type):
+            raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
+        counts[table] += 1
+        given = vars(row)
+        # Through the column's own type, so that a numpy number or a bool is written as the number it is.
+        yield ["" if given[name] is None else cast(given[name]) for name, cast in casts]
+
+
+def _codebook_lines() -> Iterator[tuple[str, ...]]:
+    yield _CODEBOOK_COLUMNS
+    for info in codebook():
+        yield (
+            info.table,
+            info.name,
+            info.type,
+            "yes" if info.optional else "no",
+            info.unit or "",
+            "|".join(info.levels),
+            info.description,
+        )
+
+
+def _parse(path: Path, line: int, infos: tuple[ColumnInfo, ...], cells: Mapping[str, str | None]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for info in infos:
+        cell = cells[info.name]
+        if cell is None:
+            raise ExportError(f"{path}:{line}: the row ends before column {info.name}; export the data again")
+        if cell == "" and (info.optional or info.type != "str"):
+            if not info.optional:
+                raise ExportError(f"{path}:{line}: {info.name} is blank, must be {_NOUNS[info.type]}")
+            values[info.name] = None
+            continue
+        try:
+            values[info.name] = _PARSERS[info.type](cell)
+        except ValueError:
+            raise ExportError(f"{path}:{line}: {info.name} is {cell!r}, must be {_NOUNS[info.type]}") from None
+    return values
