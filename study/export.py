@@ -14,7 +14,7 @@ import csv
 import io
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -103,12 +103,21 @@ def read_table(in_dir: Path | str, table: str) -> list[Any]:
     path = folder / f"{table}.csv"
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [info.name for info in infos if info.name not in (reader.fieldnames or ())]
+            reader = csv.reader(file)
+            header = next(reader, [])
+            missing = [info.name for info in infos if info.name not in header]
             if missing:
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-            # `line_num` is the last line of the row: cells may hold line breaks.
-            return [TABLES[table](**_parse(path, reader.line_num, infos, cells)) for cells in reader]
+            row_type = TABLES[table]
+            cells = [(header.index(info.name), _reader(info)) for info in infos]
+            rows = []
+            for line in reader:
+                try:
+                    rows.append(row_type(*[parse(line[position]) for position, parse in cells]))
+                except (ValueError, IndexError):
+                    # `line_num` is the last line of the row: cells may hold line breaks.
+                    raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line)}") from None
+            return rows
     except FileNotFoundError:
         raise ExportError(f"{path}: missing; export the data again") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -256,19 +265,21 @@ def _codebook_lines() -> Iterator[tuple[str, ...]]:
         )
 
 
-def _parse(path: Path, line: int, infos: tuple[ColumnInfo, ...], cells: Mapping[str, str | None]) -> dict[str, Any]:
-    values: dict[str, Any] = {}
+def _reader(info: ColumnInfo) -> Callable[[str], Any]:
+    """What turns a cell of this column into its value; blank is None where it may be."""
+    parse: Callable[[str], Any] = _PARSERS[info.type]
+    return (lambda cell: None if cell == "" else parse(cell)) if info.optional else parse
+
+
+def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str]) -> str:
+    """What is wrong with a row that could not be read."""
     for info in infos:
-        cell = cells[info.name]
-        if cell is None:
-            raise ExportError(f"{path}:{line}: the row ends before column {info.name}; export the data again")
-        if cell == "" and (info.optional or info.type != "str"):
-            if not info.optional:
-                raise ExportError(f"{path}:{line}: {info.name} is blank, must be {_NOUNS[info.type]}")
-            values[info.name] = None
-            continue
+        position = header.index(info.name)
+        if position >= len(line):
+            return f"the row ends before column {info.name}; export the data again"
         try:
-            values[info.name] = _PARSERS[info.type](cell)
+            _reader(info)(line[position])
         except ValueError:
-            raise ExportError(f"{path}:{line}: {info.name} is {cell!r}, must be {_NOUNS[info.type]}") from None
-    return values
+            value = repr(line[position]) if line[position] else "blank"
+            return f"{info.name} is {value}, must be {_NOUNS[info.type]}"
+    return "cannot be read"
