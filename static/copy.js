@@ -1,0 +1,27 @@
+// A button that copies text. Pages on plain http have no clipboard API; the old way still works there.
+
+import { h } from "./dom.js";
+
+export function copyButton(textOf, label, testid = "copy-button") {
+  const button = h("button", { type: "button", class: "secondary small", data: { testid } }, label);
+  button.addEventListener("click", async () => {
+    const copied = await copy(textOf());
+    button.textContent = copied ? "Copied" : "Select it and press Ctrl+C";
+    setTimeout(() => (button.textContent = label), 2500);
+  });
+  return button;
+}
+
+async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    const area = h("textarea", { value: text, class: "visually-hidden", "aria-hidden": "true" });
+    document.body.append(area);
+    area.select();
+    const copied = document.execCommand("copy");
+    area.remove();
+    return copied;
+  }
+}

@@ -1,0 +1,177 @@
+// The experimenter's page: links, sessions, pause / resume / abort, export. Talks to the HTTP API with a bearer token.
+
+import { Api } from "./dashboard_api.js";
+import { Rows } from "./dashboard_rows.js";
+import { copyButton } from "./copy.js";
+import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+import { ask, Toasts } from "./shell.js";
+
+const POLL_MS = 1000;
+const STALE_MS = 4000;
+
+const api = new Api();
+const toasts = new Toasts();
+const main = h("main", { id: "main" });
+const updated = h("span", { class: "updated", role: "status", data: { testid: "last-updated" } }, "Not updated yet");
+const leave = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } }, "Forget token");
+let timer = 0;
+let lastMs = 0;
+
+function login(problem = "") {
+  clearInterval(timer);
+  leave.hidden = true;
+  const fieldId = freshId("token");
+  const field = h("input", { id: fieldId, type: "password", autocomplete: "off", spellcheck: "false", data: { testid: "token-input" } });
+  const error = h("p", { class: "field-error", role: "alert", hidden: problem === "", data: { testid: "login-error" } }, icon("warning"), h("span", {}, problem));
+  const button = h("button", { type: "submit", class: "primary", data: { testid: "login-button" } }, "Open the dashboard");
+  const form = h("form", { novalidate: true }, h("div", { class: "field" }, h("label", { for: fieldId }, "Experimenter token"), field), error, h("div", { class: "actions" }, button));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    whileBusy(button, "Checking", async () => {
+      api.setToken(field.value.trim());
+      await enter();
+    });
+  });
+  main.replaceChildren(h("section", { class: "card", data: { testid: "page-login" } }, h("h1", {}, "Experimenter's dashboard"), h("p", {}, "The lab prints a link with the token when it starts. Open that link, or paste the token here."), form));
+  field.focus();
+}
+
+async function enter() {
+  try {
+    const sessions = await api.sessions();
+    board();
+    drawn(sessions);
+    clearInterval(timer);
+    timer = setInterval(poll, POLL_MS);
+  } catch (error) {
+    if (error.status === 401 || error.status === 403) api.setToken("");
+    login(error.message);
+  }
+}
+
+const rows = new Rows({
+  onPause: (participant) => act(participant, "pause", {
+    title: `Pause ${participant}?`, text: ["The robot stops at once. The participant sees that the session is paused."],
+    field: { label: "Reason (optional, kept in the log)", required: false }, confirm: "Pause session",
+  }),
+  onResume: (participant) => act(participant, "resume", {
+    title: `Resume ${participant}?`, text: ["The session goes on where it was paused, once no other cause keeps it paused."],
+    field: { label: "Remark (optional)", required: false }, confirm: "Resume session",
+  }),
+  onAbort: (participant) => act(participant, "abort", {
+    title: `Abort ${participant}?`, text: ["The session ends for good and its slot in the counterbalancing is given to the next participant. What was recorded stays, marked as aborted."],
+    field: { label: "Reason (kept in the log)", required: true, missing: "Give a reason." }, confirm: "Abort session", danger: true,
+  }),
+});
+
+const DONE = { pause: "paused", resume: "resumed", abort: "aborted" };
+
+async function act(participant, action, question) {
+  const reason = await ask({ ...question, testid: `${action}-dialog` });
+  if (reason === null) return;
+  try {
+    await api.act(participant, action, reason);
+    toasts.show(`${participant}: ${DONE[action]}.`);
+  } catch (error) {
+    toasts.show(`${participant} could not be ${DONE[action]}: ${error.message}`, { problem: true });
+  }
+  poll();
+}
+
+function drawn(sessions) {
+  lastMs = Date.now();
+  rows.update(sessions);
+  sayUpdated();
+}
+
+function sayUpdated() {
+  const stale = Date.now() - lastMs > STALE_MS;
+  updated.classList.toggle("stale", stale);
+  const at = new Date(lastMs).toLocaleTimeString([], { hour12: false });
+  setText(updated, stale ? `Not up to date: last heard from the lab at ${at}` : `Updated ${at}`);
+}
+
+let polling = false;
+async function poll() {
+  if (polling) return;
+  polling = true;
+  try {
+    drawn(await api.sessions());
+  } catch (error) {
+    if (error.status === 401 || error.status === 403) login(error.message);
+    else sayUpdated();
+  } finally {
+    polling = false;
+  }
+}
+
+function board() {
+  leave.hidden = false;
+  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard()));
+}
+
+function createCard() {
+  const countId = freshId("count");
+  const labelId = freshId("label");
+  const count = h("input", { id: countId, type: "number", min: 1, max: 200, step: 1, value: "1", class: "narrow", data: { testid: "create-count" } });
+  const label = h("input", { id: labelId, type: "text", maxlength: 200, autocomplete: "off", data: { testid: "create-label" } });
+  const error = h("p", { class: "field-error", role: "alert", hidden: true });
+  const links = h("div", { class: "links", data: { testid: "links" } });
+  const create = (demo) => async () => {
+    const wanted = Number(count.value);
+    error.hidden = true;
+    if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
+      error.hidden = false;
+      setText(error, `The number of links must be a whole number from 1 to 200, not “${count.value}”.`);
+      count.focus();
+      return;
+    }
+    try {
+      const made = await api.create({ demo, label: label.value.trim(), count: wanted });
+      links.prepend(...made.map((one) => linkRows(one, demo)));
+      label.value = "";
+      poll();
+    } catch (problem) {
+      error.hidden = false;
+      setText(error, `No link was created: ${problem.message}`);
+    }
+  };
+  const add = h("button", { type: "button", class: "primary", data: { testid: "create-participant" } }, "Create participant link");
+  const addDemo = h("button", { type: "button", class: "secondary", data: { testid: "create-demo" } }, "Create demo link");
+  add.addEventListener("click", () => whileBusy(add, "Creating", create(false)));
+  addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create(true)));
+  return h("section", { class: "board-card", "aria-labelledby": "create-title" }, h("h2", { id: "create-title" }, "New links"),
+    h("div", { class: "create" },
+      h("div", { class: "field" }, h("label", { for: countId }, "How many"), count),
+      h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (kept apart, never exported)"), label),
+      add, addDemo),
+    error, h("p", { class: "hint" }, "A link is shown only once, here: the lab keeps no readable copy. Demo sessions use no counterbalancing slot and stay out of exports."), links);
+}
+
+function linkRows({ participant, link, panel_link }, demo) {
+  const line = (name, url, testid) => url && h("div", { class: "link-row" }, h("span", {}, name),
+    h("input", { type: "text", readonly: true, value: url, "aria-label": `${name} of ${participant}`, data: { testid } }), copyButton(() => url, "Copy", `copy-${testid}`));
+  return h("div", { class: "panel", data: { testid: "new-link", participant } }, h("p", {}, h("strong", {}, participant), demo ? " (demo)" : ""),
+    line("Participant link", link, "participant-link"), line("Second device", panel_link, "second-device-link"));
+}
+
+function sessionsCard() {
+  const download = h("button", { type: "button", class: "secondary", data: { testid: "download-export" } }, "Download the data (zip)");
+  download.addEventListener("click", () => whileBusy(download, "Preparing the download", async () => {
+    try {
+      await api.download();
+    } catch (error) {
+      toasts.show(`The data could not be downloaded: ${error.message}`, { problem: true });
+    }
+  }));
+  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, download)), rows.element);
+}
+
+leave.addEventListener("click", () => {
+  api.setToken("");
+  login();
+});
+document.body.append(h("div", { class: "app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard")), leave), main, toasts.element));
+setInterval(() => lastMs && sayUpdated(), POLL_MS);
+if (api.token) enter();
+else login();

@@ -1,0 +1,82 @@
+// The HTTP API as the dashboard uses it. Errors are thrown as sentences with the HTTP status.
+
+import { tab } from "./store.js";
+
+const STATUS = {
+  401: "The token is missing or wrong.",
+  403: "The token is missing or wrong.",
+  404: "The lab does not know this session.",
+  409: "That is not possible in the session's present state.",
+  500: "The lab failed inside; its console says why.",
+};
+
+export class Api {
+  constructor() {
+    const given = new URLSearchParams(location.hash.slice(1)).get("token");
+    if (given) {
+      this.setToken(given);
+      history.replaceState(null, "", location.pathname + location.search); // out of sight and of screenshots
+    } else this.token = tab.get("experimenter") ?? "";
+  }
+
+  setToken(token) {
+    this.token = token;
+    if (token) tab.set("experimenter", token);
+    else tab.remove("experimenter");
+  }
+
+  async sessions() {
+    const answer = await (await this._ask("/api/sessions")).json();
+    return Array.isArray(answer) ? answer : (answer.sessions ?? []);
+  }
+
+  /** [{participant, link, panel_link}] */
+  async create({ demo, label, count }) {
+    const body = { demo };
+    if (label) body.label = label;
+    if (count > 1) body.count = count;
+    const answer = await (await this._ask("/api/participants", { method: "POST", body })).json();
+    return Array.isArray(answer) ? answer : (answer.created ?? [answer]);
+  }
+
+  async act(participant, action, reason) {
+    await this._ask(`/api/sessions/${encodeURIComponent(participant)}/${action}`, { method: "POST", body: { reason: reason || null } });
+  }
+
+  async download() {
+    const answer = await this._ask("/api/export");
+    const name = /filename="?([^";]+)/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "export.zip";
+    const url = URL.createObjectURL(await answer.blob());
+    const link = Object.assign(document.createElement("a"), { href: url, download: name });
+    document.body.append(link);
+    link.click();
+    link.remove();
+    setTimeout(() => URL.revokeObjectURL(url), 60_000);
+  }
+
+  async _ask(path, { method = "GET", body } = {}) {
+    let answer;
+    try {
+      const headers = { Authorization: `Bearer ${this.token}` };
+      if (body !== undefined) headers["Content-Type"] = "application/json";
+      answer = await fetch(path, { method, headers, body: body === undefined ? undefined : JSON.stringify(body), cache: "no-store" });
+    } catch {
+      throw Object.assign(new Error("The lab does not answer. Is it still running?"), { status: 0 });
+    }
+    if (answer.ok) return answer;
+    throw Object.assign(new Error(await words(answer)), { status: answer.status });
+  }
+}
+
+/** The lab's own sentence when it sent one. */
+async function words(answer) {
+  try {
+    const { detail, message, error } = await answer.json();
+    if (Array.isArray(detail)) return detail.map((one) => `${(one.loc ?? []).slice(1).join(".")}: ${one.msg}`).join("; ");
+    const text = detail?.message ?? detail ?? message ?? error;
+    if (typeof text === "string" && answer.status !== 401 && answer.status !== 403) return text;
+  } catch {
+    // not JSON: the status has to do
+  }
+  return STATUS[answer.status] ?? `The lab answered ${answer.status}.`;
+}

@@ -1,0 +1,121 @@
+// The table of sessions. Rows stay the same elements while they are updated, so that focus and pressed buttons survive.
+
+import { h, icon, setText } from "./dom.js";
+
+const STATES = {
+  created: "Not opened yet", consent: "Consent", demographics: "Demographics", setup: "Set-up", instructions: "Instructions",
+  practice_ready: "Before practice", practice: "Practice", trial_ready: "Before the trial", trial: "In a trial", survey: "Survey",
+  break: "Break", debrief: "Debrief", done: "Complete", paused: "Paused", withdrawn: "Withdrawn", aborted: "Aborted",
+};
+const LEVELS = { trial: ["play", "good"], practice: ["play", "good"], paused: ["pause", "warn"], done: ["check", "good"], withdrawn: ["hand", "warn"], aborted: ["warning", "bad"] };
+const CAUSES = { connection: "connection lost", experimenter: "by the experimenter" };
+const OVER = new Set(["done", "withdrawn", "aborted"]);
+const WITHOUT_TRIAL = new Set(["consent", "demographics", "setup", "instructions", "debrief", "done", "withdrawn", "aborted"]);
+const COLUMNS = ["Participant", "State", "Trial", "Task", "Connection", "Remarks", "Actions"];
+
+function connectionOf(session) {
+  if (OVER.has(session.state)) return ["check", "–", ""];
+  if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
+  const trip = Number.isFinite(session.round_trip_ms) ? ` · ${Math.round(session.round_trip_ms)} ms` : "";
+  if (session.connected) return ["check", `Connected${trip}`, "good"];
+  return ["lost", "Not connected", session.state === "consent" ? "" : "bad"];
+}
+
+function ratio(now, all) {
+  if (now === null || now === undefined) return "–";
+  return all ? `${now} of ${all}` : String(now);
+}
+
+function remarks(session) {
+  const list = [];
+  if (session.causes?.length) list.push(`Paused: ${session.causes.map((cause) => CAUSES[cause] ?? cause).join(" and ")}`);
+  if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
+  if (session.device) list.push(session.device);
+  if (session.pace === "lockstep") list.push("lockstep");
+  return list.join("; ") || "–";
+}
+
+const EVENTS = { pause: "experimenter_pause", resume: "experimenter_resume", abort: "abort" };
+
+/** Why a button cannot be used now, or "" when it can. */
+export function whyNot(action, session) {
+  if (OVER.has(session.state)) return "The session is over.";
+  if (session.allowed?.includes(EVENTS[action])) return "";
+  if (action === "resume" && session.state !== "paused") return "The session is not paused.";
+  if (action === "resume") return "The participant's connection was lost: they press Go on themselves.";
+  if (action === "pause" && session.state === "paused") return "The session is already paused.";
+  return `This is not possible in the state “${STATES[session.state] ?? session.state}”.`;
+}
+
+export class Rows {
+  constructor({ onPause, onResume, onAbort }) {
+    this.actions = [["pause", "Pause", onPause], ["resume", "Resume", onResume], ["abort", "Abort", onAbort]];
+    this.rows = new Map();
+    this.body = h("tbody", {});
+    this.empty = h("p", { class: "empty", data: { testid: "no-sessions" } }, "No sessions yet. Create a link above and open it.");
+    const head = COLUMNS.map((name) => h("th", { scope: "col" }, name));
+    this.table = h("table", { class: "sessions", data: { testid: "sessions" } }, h("caption", { class: "visually-hidden" }, "Sessions, newest first"), h("thead", {}, h("tr", {}, head)), this.body);
+    this.element = h("div", { class: "table-scroll" }, this.table, this.empty);
+  }
+
+  update(sessions) {
+    this.empty.hidden = sessions.length > 0;
+    this.table.hidden = sessions.length === 0;
+    const seen = new Set();
+    this.fresh = [];
+    for (const session of [...sessions].reverse()) {
+      seen.add(session.participant);
+      if (!this.rows.has(session.participant)) {
+        const row = this._make(session.participant);
+        this.rows.set(session.participant, row);
+        this.fresh.push(row.element);
+      }
+      this._fill(this.rows.get(session.participant), session);
+    }
+    this.body.prepend(...this.fresh);
+    for (const [participant, row] of this.rows) {
+      if (seen.has(participant)) continue;
+      row.element.remove();
+      this.rows.delete(participant);
+    }
+  }
+
+  _make(participant) {
+    const name = h("th", { scope: "row" });
+    const cells = Object.fromEntries(["state", "trial", "task", "connection", "remarks"].map((column) => [column, h("td", { data: { column } })]));
+    const buttons = Object.fromEntries(this.actions.map(([action, label, handler]) => {
+      const button = h("button", { type: "button", class: "secondary small", "aria-label": `${label} ${participant}`, data: { testid: action } }, label);
+      button.addEventListener("click", () => button.getAttribute("aria-disabled") === "true" || handler(participant));
+      return [action, button];
+    }));
+    const element = h("tr", { data: { participant, testid: "session-row" } }, name, Object.values(cells), h("td", {}, h("div", { class: "buttons" }, Object.values(buttons))));
+    return { element, name, cells, buttons };
+  }
+
+  _fill({ element, name, cells, buttons }, session) {
+    element.dataset.state = session.state;
+    setText(name, [session.participant, session.demo ? "(demo)" : "", session.label ? `· ${session.label}` : ""].filter(Boolean).join(" "));
+    const [sign, level] = LEVELS[session.state] ?? ["clock", ""];
+    const place = session.state === "paused" && session.place ? ` (${(STATES[session.place] ?? session.place).toLowerCase()})` : "";
+    mark(cells.state, sign, (STATES[session.state] ?? session.state) + place, level);
+    setText(cells.trial, WITHOUT_TRIAL.has(session.state) ? "–" : ratio(session.trial, session.trials));
+    setText(cells.task, session.tasks ? ratio(Math.min(session.done_tasks + 1, session.tasks), session.tasks) : "–");
+    mark(cells.connection, ...connectionOf(session));
+    const asks = session.help_wanted;
+    mark(cells.remarks, asks ? "help" : null, asks ? `Asks for help. ${remarks(session).replace(/^–$/, "")}` : remarks(session), asks ? "warn" : "");
+    for (const [action, button] of Object.entries(buttons)) {
+      const why = whyNot(action, session);
+      // aria-disabled, not disabled: it can still be reached and says why it does nothing.
+      button.setAttribute("aria-disabled", String(why !== ""));
+      button.title = why;
+      button.setAttribute("aria-description", why);
+    }
+  }
+}
+
+function mark(cell, sign, text, level) {
+  if (cell.dataset.text === text && cell.dataset.level === level) return;
+  cell.dataset.text = text;
+  cell.dataset.level = level;
+  cell.replaceChildren(h("span", { class: "mark-line", data: { level } }, sign && icon(sign), text));
+}

@@ -1,0 +1,156 @@
+// What surrounds every participant page: header, connection sign, toasts, dialogs.
+
+import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+
+const CONNECTION = {
+  connecting: ["hourglass", "Connecting"],
+  open: ["check", "Connected"],
+  lost: ["lost", "Connection lost – trying again"],
+  superseded: ["warning", "Open in another tab"],
+  denied: ["warning", "Link not valid"],
+  outdated: ["warning", "Page out of date"],
+  closed: ["hourglass", "Connecting"],
+};
+
+/** Short messages at the edge of the page. They stay until dismissed when they report a problem. */
+export class Toasts {
+  constructor() {
+    this.element = h("div", { class: "toasts", role: "status", "aria-live": "polite", data: { testid: "toasts" } });
+  }
+
+  show(text, { problem = false } = {}) {
+    const shown = [...this.element.children];
+    const twin = shown.find((toast) => toast.dataset.text === text);
+    if (twin) twin.remove();
+    if (shown.length > 3) shown[0].remove();
+    const close = h("button", { class: "quiet small", type: "button", "aria-label": "Dismiss this message" }, "Dismiss");
+    const toast = h(
+      "div",
+      { class: problem ? "toast problem" : "toast", data: { text, testid: problem ? "toast-problem" : "toast" } },
+      icon(problem ? "warning" : "check"),
+      h("p", {}, problem ? h("strong", {}, "Problem: ") : null, text),
+      close,
+    );
+    close.addEventListener("click", () => toast.remove());
+    this.element.append(toast);
+    if (!problem) setTimeout(() => toast.remove(), 6000);
+  }
+}
+
+/**
+ * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
+ * `question`: {title, text: [..], confirm, back, field?, danger?, testid}
+ */
+export function ask({ title, text = [], confirm, back = "Go back", field = null, danger = false, testid, extra = null }) {
+  return new Promise((resolve) => {
+    const titleId = freshId("dialog-title");
+    const fieldId = freshId("dialog-field");
+    const input = field && h("textarea", { id: fieldId, rows: 3, maxlength: 2000, required: field.required });
+    const error = h("p", { class: "field-error", role: "alert", hidden: true });
+    const yes = h("button", { type: "submit", class: danger ? "danger" : "primary", data: { testid: "dialog-confirm" } }, confirm);
+    const no = h("button", { type: "button", class: "secondary", data: { testid: "dialog-back" } }, back);
+    const form = h(
+      "form",
+      { novalidate: true },
+      h("h2", { id: titleId }, title),
+      text.map((line) => h("p", {}, line)),
+      extra,
+      field && h("div", { class: "field" }, h("label", { for: fieldId }, field.label), input, error),
+      h("div", { class: "actions" }, confirm ? yes : null, no),
+    );
+    const dialog = h("dialog", { "aria-labelledby": titleId, data: { testid } }, form);
+    let answer = null;
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      if (field?.required && input.value.trim() === "") {
+        error.hidden = false;
+        error.textContent = field.missing ?? "Please fill this in.";
+        input.focus();
+        return;
+      }
+      answer = input ? input.value.trim() : "";
+      dialog.close();
+    });
+    no.addEventListener("click", () => dialog.close());
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(answer);
+    });
+    document.body.append(dialog);
+    dialog.showModal();
+    if (danger) no.focus(); // the harmless answer is the one Enter gives
+  });
+}
+
+/** Header with title, connection, Help and Stop. */
+export class Shell {
+  constructor({ socket, onHelp, onStop }) {
+    this.socket = socket;
+    this.toasts = new Toasts();
+    this.main = h("main", { id: "main", tabindex: "-1" });
+    this.title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
+    this.demo = h("span", { class: "badge", hidden: true, data: { testid: "demo-badge" } }, "Demo – not part of the data");
+    this.connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
+    this.help = h("button", { type: "button", class: "secondary small", data: { testid: "help-button" } }, icon("help"), "Help");
+    this.stop = h("button", { type: "button", class: "secondary small stop", data: { testid: "stop-button" } }, icon("hand"), "Stop");
+    this.help.addEventListener("click", onHelp);
+    this.stop.addEventListener("click", onStop);
+    this.header = h(
+      "header",
+      { class: "top" },
+      h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), this.title, this.demo),
+      h("span", { class: "top-actions" }, this.connection, this.help, this.stop),
+    );
+    this.element = h("div", { class: "app" }, this.header, this.main, this.toasts.element);
+    socket.addEventListener("state", () => this._connection());
+    socket.addEventListener("welcome", (event) => {
+      setText(this.title, event.detail.study_title);
+      document.title = event.detail.study_title;
+      this.demo.hidden = !event.detail.demo;
+    });
+    this._connection();
+  }
+
+  /** Which of the two buttons make sense now. */
+  offer({ help, stop }) {
+    this.help.hidden = !help;
+    this.stop.hidden = !stop;
+  }
+
+  _connection() {
+    const [sign, text] = CONNECTION[this.socket.state];
+    this.connection.dataset.state = this.socket.state;
+    if (this.connection.dataset.text === text) return;
+    this.connection.dataset.text = text;
+    this.connection.replaceChildren(icon(sign), h("span", {}, text));
+  }
+}
+
+/** A calm page of text in the middle, with one heading and, perhaps, buttons. */
+export function card({ title, lines = [], actions = [], testid, wide = false, body = null, sign = null }) {
+  const heading = h("h1", { tabindex: "-1" }, title);
+  return h(
+    "section",
+    { class: wide ? "card wide" : "card", data: { testid } },
+    sign && h("div", { class: "card-sign" }, icon(sign)),
+    heading,
+    lines.map((line) => h("p", {}, line)),
+    body,
+    actions.length > 0 && h("div", { class: "actions" }, actions),
+  );
+}
+
+/** A button that submits a step once and says while it waits. Errors reach the person as toasts. */
+export function stepButton({ socket, step, data = () => ({}), label, busy = "Saving", kind = "primary", testid, onError }) {
+  const button = h("button", { type: "button", class: kind, data: { testid } }, label);
+  button.addEventListener("click", () => {
+    whileBusy(button, busy, async () => {
+      try {
+        await socket.submit(step, data());
+      } catch (error) {
+        onError?.(error);
+      }
+    });
+  });
+  return button;
+}
