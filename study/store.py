@@ -220,7 +220,7 @@ def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: boo
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     store = Store(path, lock)
     try:
-        store._prepare()
+        store._prepare(is_reader=must_exist)
     except BaseException:
         store.close()
         raise
@@ -516,30 +516,42 @@ class Store:
 
     # ---- inside
 
-    def _prepare(self) -> None:
-        """Make the tables of a new file, or check that the file is one of ours and whole."""
+    def _prepare(self, *, is_reader: bool) -> None:
+        """Make the tables of a new file, or check that the file is one of ours and whole.
+
+        A reader takes no write lock: the lab may be running.
+        """
         versions = {"schema_version": str(SCHEMA_VERSION), "store_version": str(STORE_VERSION)}
-        with self._write() as connection:
+        with self._read() as connection:
             existing = set(sql.inspect(connection).get_table_names())
+            if existing:
+                self._check(connection, existing, versions)
+            elif is_reader:
+                raise StoreError(f"{self.path}: no lab data here, the database is empty")
+        if is_reader:
+            return
+        text = json.dumps(machine_fingerprint(), sort_keys=True)
+        now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
+        machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
+        with self._write() as connection:
             if not existing:
                 _METADATA.create_all(connection)
                 connection.execute(_META.insert(), [{"name": n, "value": v} for n, v in versions.items()])
-            elif "meta" not in existing:
-                raise StoreError(f"{self.path}: a database, but not one of this lab")
-            found = {row.name: row.value for row in connection.execute(sql.select(_META))}
-            for name, expected in versions.items():
-                if found.get(name) != expected:
-                    raise StoreError(
-                        f"{self.path}: {name} is {found.get(name)}, this version of the lab needs {expected}; "
-                        "open it with the version that wrote it, or use another data folder"
-                    )
-            verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
-            if verdict != "ok":
-                raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
-            text = json.dumps(machine_fingerprint(), sort_keys=True)
-            now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
-            machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
             connection.execute(insert_or_update(_MACHINES).values(machine).on_conflict_do_nothing())
+
+    def _check(self, connection: sql.Connection, existing: set[str], versions: Mapping[str, str]) -> None:
+        if "meta" not in existing:
+            raise StoreError(f"{self.path}: a database, but not one of this lab")
+        found = {row.name: row.value for row in connection.execute(sql.select(_META))}
+        for name, expected in versions.items():
+            if found.get(name) != expected:
+                raise StoreError(
+                    f"{self.path}: {name} is {found.get(name)}, this version of the lab needs {expected}; "
+                    "open it with the version that wrote it, or use another data folder"
+                )
+        verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+        if verdict != "ok":
+            raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
 
     @contextmanager
     def _write(self) -> Iterator[sql.Connection]:

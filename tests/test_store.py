@@ -275,7 +275,7 @@ def test_another_schema_version_is_refused(store: Store) -> None:
         open_store(store.path.parent)
 
 
-def test_a_foreign_database_is_refused_and_left_alone(tmp_path: Path) -> None:
+def test_a_foreign_database_is_refused(tmp_path: Path) -> None:
     connection = sqlite3.connect(tmp_path / FILE_NAME)
     connection.execute("CREATE TABLE recipes (name TEXT)")
     connection.commit()
@@ -308,6 +308,9 @@ def test_a_folder_that_cannot_be_used_is_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"no lab data here \(lab\.sqlite is missing\)"):
         open_store(tmp_path / "nothing", must_exist=True)
     assert not (tmp_path / "nothing").exists()
+    (tmp_path / FILE_NAME).touch()
+    with pytest.raises(StoreError, match="the database is empty"):
+        open_store(tmp_path, must_exist=True)
 
 
 def test_a_database_that_cannot_be_opened_is_one_clear_line(tmp_path: Path) -> None:
@@ -323,6 +326,15 @@ def test_two_labs_cannot_serve_one_folder_but_an_export_may_read_it(tmp_path: Pa
         with open_store(tmp_path, must_exist=True) as reader:
             assert reader.sessions() == ()
     open_store(tmp_path, exclusive=True).close()
+
+
+def test_an_export_waits_for_no_writer_and_holds_none_up(tmp_path: Path) -> None:
+    with open_store(tmp_path, exclusive=True) as serving:
+        who = enrol(serving).participant
+        with serving._write(), open_store(tmp_path, must_exist=True) as reader:  # a write is under way
+            assert len(reader.sessions()) == 1
+        with open_store(tmp_path, must_exist=True) as reader, reader.snapshot():
+            serving.append_tick(tick_row(who))
 
 
 def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
