@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from app.autonomy.actions import DIRECTIONS, NULL_ACTION, index_of
@@ -48,7 +48,7 @@ def assert_agree(actual: Evaluation, literal: LiteralEvaluation, tolerance: floa
 # --- against the paper's equations, written out ---
 
 
-@settings(without_deadline, max_examples=40)
+@settings(without_deadline, max_examples=40, phases=(Phase.explicit, Phase.reuse, Phase.generate))  # shrinking: minutes
 @given(
     points_m,
     momenta,

@@ -53,8 +53,8 @@ def index_of(direction: Sequence[int]) -> int:
 
 def nearest_moves(momenta: FloatArray) -> npt.NDArray[np.intp]:
     """For momenta (..., 3), the index (...) of the move with the smallest angle to each; -1 when at rest."""
+    # Some move is always within 55 degrees, so staying, with cosine 0, never comes first.
     cosines = momenta @ UNIT_DIRECTIONS.T  # (..., 27)
-    cosines[..., NULL_ACTION] = -np.inf
     at_rest = np.einsum("...i,...i->...", momenta, momenta) < AT_REST**2
     return np.where(at_rest, -1, cosines.argmax(axis=-1))
 
