@@ -23,7 +23,7 @@ import numpy as np
 from sim.interface import SimError
 from sim.meshes import Mesh, Rgb, box, capsule, merge, rod, to_glb
 
-BAKE_VERSION = 1
+BAKE_VERSION = 2
 """Raise it when what is baked changes: the cache is keyed by it."""
 CACHE_LIMIT_BYTES = 600_000
 
@@ -41,7 +41,6 @@ class _Part:
     file: str
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     roll_rad: float = 0.0
-    pitch_rad: float = 0.0
     color: Rgb = _CHARCOAL
     keep: float = 0.15
 
@@ -58,10 +57,9 @@ _PARTS: Mapping[str, tuple[_Part, ...]] = {
     "torso_lift_link": (
         _Part("torso_lift_link.dae", keep=0.07),
         _Part("bellows_link.STL", color=_BLACK, keep=0.12),
-        _Part("head_pan_link.dae", (0.053125, 0.0, 0.603001), keep=0.12),
-        # Tilted down to look at the table.
-        _Part("head_tilt_link.dae", (0.195655, 0.0, 0.661), pitch_rad=0.55, keep=0.15),
     ),
+    "head_pan_link": (_Part("head_pan_link.dae", keep=0.12),),
+    "head_tilt_link": (_Part("head_tilt_link.dae", keep=0.15),),
     "shoulder_pan_link": (_Part("shoulder_pan_link.dae", keep=0.09),),
     "shoulder_lift_link": (_Part("shoulder_lift_link.dae", color=_BLUE, keep=0.09),),
     "upperarm_roll_link": (_Part("upperarm_roll_link.dae", keep=0.15),),
@@ -153,10 +151,8 @@ def _load(part: _Part, source: Path) -> Mesh:
     scene: Any = trimesh.load_scene(source / part.file)
     pieces = [_thinned(solid, _face_colors(solid, part.color), part.keep) for solid in scene.dump(concatenate=False)]
     mesh = merge(*pieces)
-    roll, pitch = part.roll_rad, part.pitch_rad
-    about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-    about_y = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
-    return mesh.turned(about_y @ about_x).moved(part.offset_m)
+    cos, sin = np.cos(part.roll_rad), np.sin(part.roll_rad)
+    return mesh.turned([[1, 0, 0], [0, cos, -sin], [0, sin, cos]]).moved(part.offset_m)
 
 
 def _face_colors(solid: Any, fallback: Rgb) -> np.ndarray:

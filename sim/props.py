@@ -40,7 +40,7 @@ CARDBOARD: Rgb = (160, 118, 76)
 DARK: Rgb = (44, 50, 58)
 STEEL: Rgb = (150, 158, 166)
 
-FLOOR: Rgb = (52, 59, 68)
+FLOOR: Rgb = (96, 106, 118)
 TABLE_TOP: Rgb = (205, 200, 190)
 TABLE_SIDE: Rgb = (128, 124, 118)
 BIN_COLORS: Mapping[str, Rgb] = {"left": (0, 114, 178), "right": (230, 140, 0)}
@@ -217,13 +217,8 @@ def shaded(mesh: Mesh, *, dark_share: float = 0.0) -> Mesh:
     Faces looking up keep their colour, sides lose a fifth, faces looking down two fifths; `dark_share` darkens
     towards the lower end of the mesh.
     """
-    corners = mesh.vertices_m[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    totals = np.zeros_like(mesh.vertices_m)
-    for corner in range(3):
-        np.add.at(totals, mesh.faces[:, corner], normals)
-    totals /= np.maximum(np.linalg.norm(totals, axis=1, keepdims=True), 1e-12)
-    light = 0.8 + 0.2 * totals[:, 2] + 0.05 * totals[:, 1] - 0.03 * totals[:, 0]
+    normals = mesh.normals
+    light = 0.8 + 0.2 * normals[:, 2] + 0.05 * normals[:, 1] - 0.03 * normals[:, 0]
     low_m, high_m = mesh.bounds_m
     height = (mesh.vertices_m[:, 2] - low_m[2]) / max(high_m[2] - low_m[2], 1e-9)
     light = light * (1.0 - dark_share * (1.0 - height) ** 1.5)
@@ -301,11 +296,11 @@ def bin_mesh(target: Bin) -> Mesh:
     return merge(skin, lining, bed, rim, shaded(collar), *marks)
 
 
-def floor_mesh(radius_m: float = 4.0) -> Mesh:
+def floor_mesh(radius_m: float = 2.0) -> Mesh:
     """A round floor at z = 0 that fades out to its rim. For `blend`."""
-    steps = np.array([0.0, 0.5, 0.8, 1.2, 1.8, 2.6, radius_m])
-    shade = np.array([1.18, 1.12, 1.05, 0.97, 0.88, 0.8, 0.75])
-    alpha = np.array([1.0, 1.0, 1.0, 1.0, 0.9, 0.45, 0.0])
+    steps = np.array([0.0, 0.3, 0.5, 0.65, 0.8, 0.9, 1.0]) * radius_m
+    shade = np.array([1.15, 1.12, 1.08, 1.04, 1.0, 1.0, 1.0])
+    alpha = np.array([1.0, 0.95, 0.8, 0.55, 0.25, 0.08, 0.0])
     n = 48
     rings = [circle(max(step, 1e-3), 0.0, n=n) for step in steps]
     vertices = np.concatenate(rings)

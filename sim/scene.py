@@ -31,6 +31,7 @@ from sim import fetch, props
 from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.meshes import Material, Mesh, to_glb
+from sim.objects import OBJECTS
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
 
@@ -44,14 +45,18 @@ class View:
     position_world_m: Vector3
     look_at_world_m: Vector3
     fov_rad: float
+    head: bool = True
+    """Whether the robot's head is drawn: over its shoulder it would hide the table."""
 
 
 VIEWS: Mapping[str, View] = {
     view.name: view
     for view in (
-        View("overview", "From behind", (-0.62, -0.5, 1.92), (0.68, 0.0, 0.72), float(np.radians(46))),
-        View("side", "From the right", (0.85, -1.75, 1.22), (0.72, 0.0, 0.84), float(np.radians(40))),
-        View("top", "From above", (0.62, 0.0, 2.75), (0.66, 0.0, 0.75), float(np.radians(42))),
+        # From over the robot's right shoulder: its left is the picture's left, forward is up, and the elbow, which
+        # hides the gripper from straight behind, stands aside.
+        View("overview", "Whole table", (-0.03, -0.66, 2.38), (0.63, 0.0, 0.6), float(np.radians(42)), head=False),
+        View("side", "From the side", (0.86, -1.85, 1.3), (0.62, 0.0, 0.72), float(np.radians(42))),
+        View("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), float(np.radians(44)), head=False),
     )
 }
 DEFAULT_VIEW = "overview"
@@ -93,7 +98,6 @@ class _Node:
         if turned != self.wxyz:
             self.handle.wxyz = turned
             self.wxyz = turned  # type: ignore[assignment]
-        self.show(True)
 
     def stretch(self, scale: tuple[float, float, float]) -> None:
         if scale != self.scale:
@@ -118,7 +122,7 @@ class _Shown:
     """What the screen shows now."""
 
     scene: SceneSpec | None = None
-    specs: dict[str, ObjectSpec] = field(default_factory=dict)
+    specs: dict[str, ObjectSpec] = field(default_factory=lambda: dict(OBJECTS))
     joints_rad: tuple[float, ...] | None = None
     opening_m: float = 0.0
     tween: _Tween | None = None
@@ -209,7 +213,6 @@ class SceneView:
         self,
         scene: SceneSpec,
         delivered: Mapping[str, Pose] | None = None,
-        specs: Sequence[ObjectSpec] = (),
         marked: str | None = None,
     ) -> None:
         """Show a fresh world. The arm glides from where it was seen last to its new place over the next updates.
@@ -218,16 +221,15 @@ class SceneView:
             scene: the table, the bins and the objects that stand on it.
             delivered: id → pose of what earlier cycles left in (or beside) the bins; it stays visible. When None,
                 what is on screen stays there until the next `update`.
-            specs: further objects `delivered` may name that this view has never shown.
             marked: object or bin to ring, if the options allow it.
 
         Raises:
-            SimError: not open, or `delivered` names an object no spec is known for.
+            SimError: not open, or `delivered` names an object that is neither in the scene nor in `sim.objects`.
         """
         server = self._running()
         shown = self._shown
         shown.scene = scene
-        shown.specs.update({spec.id: spec for spec in (*specs, *(placed.spec for placed in scene.objects))})
+        shown.specs.update({placed.spec.id: placed.spec for placed in scene.objects})
         if shown.joints_rad is not None:
             shown.tween = _Tween(shown.joints_rad, shown.opening_m, self._clock())
         with server.atomic():
@@ -252,8 +254,10 @@ class SceneView:
         with server.atomic():
             for link, (position, wxyz) in poses.items():
                 node = self._nodes.get(f"/robot/{link}")
-                if node is not None:
-                    node.put(position, wxyz)
+                if node is None:
+                    continue
+                node.put(position, wxyz)
+                node.show(self._view.head or not link.startswith("head_"))
             present = {item.id: item.pose for item in state.objects}
             self._place({**(delivered or {}), **present}, hide_others=True)
             if "gripper_link" in poses:
@@ -327,9 +331,10 @@ class SceneView:
         for object_id, pose in poses.items():
             spec = self._shown.specs.get(object_id)
             if spec is None:
-                raise SimError(f"object {object_id!r} was never shown; known are {sorted(self._shown.specs)}")
+                raise SimError(f"no object {object_id!r}; known are {sorted(self._shown.specs)}")
             node = self._node(f"/object/{object_id}", lambda spec=spec: props.object_mesh(spec), "lit")
             node.put(pose.position_world_m, pose.quaternion_wxyz)
+            node.show(True)
             if self._options.shadows:
                 self._shade(spec, pose)
         for name, node in self._nodes.items() if hide_others else ():
@@ -345,12 +350,13 @@ class SceneView:
             shade.show(False)
             return
         shade.put((x_m, y_m, z_m - above_m + 0.0022))
+        shade.show(True)
 
     def _plumb(self, gripper_world_m: Vector3) -> None:
         x_m, y_m, z_m = gripper_world_m
         surface_m = self._surface_z_m(x_m, y_m)
         if self._options.shadows:
-            shade = self._node("/shade/gripper", lambda: props.shadow_mesh(0.13, 0.13), "blend")
+            shade = self._node("/shade/gripper", lambda: props.shadow_mesh(0.09, 0.09), "blend")
             shade.put((x_m, y_m, surface_m + 0.0028))
         if self._options.plumb_line:
             line = self._node("/plumb/line", props.plumb_line_mesh, "unlit")
@@ -360,13 +366,13 @@ class SceneView:
             mark.put((x_m, y_m, surface_m + 0.0034))
 
     def _mark(self, marked: str | None) -> None:
-        node = self._nodes.get("/mark")
         scene = self._shown.scene
         if marked is None or scene is None:
-            if node is not None:
-                node.show(False)
+            if "/mark" in self._nodes:
+                self._nodes["/mark"].show(False)
             return
         ring = self._node("/mark", props.mark_mesh, "blend")
+        ring.show(True)
         for placed in scene.objects:
             if placed.spec.id == marked:
                 x_m, y_m, z_m = placed.base_world_m
