@@ -14,7 +14,8 @@ from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
-from app.session import Enrolment, LiveSession, Resumed, Surroundings, utc_text
+from app.session import OVERRUN_MS, LiveSession
+from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, worker_context
@@ -303,6 +304,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
         distractor=from_rows(study.distractor, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
+        overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
     )
 
 

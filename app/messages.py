@@ -264,7 +264,19 @@ class Ping(Message):
 
 
 ServerMessage = Annotated[
-    Welcome | Page | Instruction | Tick | Status | Alert | AlertClosed | Ack | Error | Superseded | Notice | Ping,
+    Welcome
+    | Page
+    | Instruction
+    | Tick
+    | World
+    | Status
+    | Alert
+    | AlertClosed
+    | Ack
+    | Error
+    | Superseded
+    | Notice
+    | Ping,
     Field(discriminator="type"),
 ]
 

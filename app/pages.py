@@ -190,7 +190,7 @@ def _survey(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _break(session: Session, context: PageContext) -> dict[str, Any]:
-    return {"text": list(context.study.texts.break_), "next_trial": session.trial + 1}
+    return {"text": list(context.study.texts.between_trials), "next_trial": session.trial + 1}
 
 
 def _debrief(session: Session, context: PageContext) -> dict[str, Any]:

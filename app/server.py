@@ -18,7 +18,8 @@ from app.api import add_api
 from app.config import LabError
 from app.lab import Lab
 from app.scene_proxy import proxy_scene, scene_page_response
-from app.session import LiveSession, Role
+from app.session import LiveSession
+from app.surroundings import Role
 
 STATIC = Path(__file__).resolve().parent.parent / "static"
 COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}

@@ -14,36 +14,17 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from datetime import datetime, timezone
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from app import pages
-from app.config import LabConfig
+from app.audience import Audience, acknowledge, panel_page, refuse
 from app.cycles import cycle_to_json
-from app.messages import (
-    Ack,
-    Alert,
-    AlertClosed,
-    Error,
-    Heartbeat,
-    Input,
-    Instruction,
-    Message,
-    Note,
-    Notice,
-    Ping,
-    Pong,
-    Status,
-    Submit,
-    Superseded,
-    View,
-    Welcome,
-    World,
-)
-from app.pages import Labels, PageContext
-from app.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
+from app.messages import Heartbeat, Input, Instruction, Message, Note, Ping, Pong, Status, Submit, View, World
+from app.pages import PageContext
+from app.steps import STEPS, AlertData, Refused, StepContext, parse
+from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals, WorkerHandle, utc_text
 from app.trial import CycleStart, TrialView
 from app.worker_messages import (
     Begin,
@@ -51,105 +32,23 @@ from app.worker_messages import (
     Hands,
     Hold,
     HoldChanged,
-    Pace,
     Ready,
     SetView,
     Ticked,
     WorkerCommand,
-    WorkerReport,
-    WorkerSpec,
 )
 from sim.interface import TICK_S
 from study import protocol
-from study.design import SessionPlan, Study, reading
-from study.distractor import Alert as DistractorAlert
+from study.design import reading
 from study.distractor import DistractorState
-from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, Session, StartWorker, StopWorker
+from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, Session, StartWorker, StopWorker, WorkerKind
 from study.records import EventRow, TrialRow
 from study.store import Cycle
-from study.writer import AsyncStore
 
 log = logging.getLogger(__name__)
 
-Role = Literal["participant", "panel"]
 Source = Literal["participant", "experimenter", "lab", "robot"]
-
-
-class Client(Protocol):
-    """A connected page or bot, as the session sees it. `deliver` never blocks."""
-
-    role: Role
-    name: str
-    telemetry: bool
-
-    def deliver(self, message: Message) -> None:
-        """Queue a message for the page."""
-
-    def end(self) -> None:
-        """Close the connection after what is queued has been sent."""
-
-
-class WorkerHandle(Protocol):
-    """A live worker, as the session sees it."""
-
-    def send(self, command: WorkerCommand) -> None:
-        """Hand over a command."""
-
-    async def stop(self) -> None:
-        """End it and wait for it."""
-
-
-StartWorkerProcess = Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], WorkerHandle]
-
-
-@dataclass(frozen=True)
-class Enrolment:
-    """What is fixed about a participant from the start."""
-
-    participant: str
-    public_id: str
-    plan: SessionPlan
-    pace: Pace
-    demo: bool
-
-
-@dataclass(frozen=True)
-class Resumed:
-    """Where a stored session stood: its distractor, the last tick of the phase, the last input's number."""
-
-    distractor: DistractorState
-    tick: int | None = None
-    last_seq: int = 0
-
-
-@dataclass
-class Vitals:
-    """What the experimenter sees of a session besides its state."""
-
-    round_trip_ms: float | None = None
-    visible: bool | None = None
-    focused: bool | None = None
-    device: str | None = None
-    overruns: int = 0
-    ticks: int = 0
-    help_wanted: bool = False
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What a live session needs from the lab it lives in."""
-
-    store: AsyncStore
-    study: Study
-    config: LabConfig
-    labels: Labels
-    start_worker: StartWorkerProcess
-    make_spec: Callable[[Literal["practice", "trial"], int], Awaitable[WorkerSpec]]
-    """(kind, trial) -> a worker's spec, with the log of the current cycle."""
-    trial_row: Callable[[int], TrialRow]
-    now_unix_s: Callable[[], float]
-    panel_link: Callable[[], Awaitable[str]]
-    """A link for the second device."""
+OVERRUN_MS = 50.0
 
 
 @dataclass
@@ -159,12 +58,7 @@ class _Work:
     kind: Literal["attach", "detach", "message", "report", "exit", "command", "ping"]
     payload: Any = None
     client: Client | None = None
-    done: asyncio.Future[Any] | None = field(default=None, repr=False)
-
-
-def utc_text(unix_s: float) -> str:
-    """ISO 8601 UTC with milliseconds."""
-    return datetime.fromtimestamp(unix_s, timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    done: asyncio.Future[None] | None = field(default=None, repr=False)
 
 
 class LiveSession:
@@ -174,40 +68,44 @@ class LiveSession:
         enrolment: what is fixed about the participant.
         session: where the participant is in the study (`study.protocol`).
         vitals: what the experimenter sees.
+        view: the trial as it stands, if one is under way.
+        held: whether the robot waits for the page's heartbeat.
         scene_port: port of the session's viser server on loopback, while a worker with a scene is up.
     """
 
     def __init__(self, enrolment: Enrolment, session: Session, resumed: Resumed, around: Surroundings) -> None:
         self.enrolment = enrolment
         self.session = session
-        self.vitals = Vitals()
+        self.vitals = Vitals(overruns=resumed.overruns)
+        self.view: TrialView | None = None
+        self.held = False
         self.scene_port: int | None = None
         self._around = around
+        self._audience = Audience(enrolment, around)
         self._distractor = resumed.distractor
+        self._tick: int | None = resumed.tick
+        self._trial_s = 0.0 if resumed.tick is None else (resumed.tick + 1) * TICK_S
+        self._last_seq = resumed.last_seq
+        self._world: World | None = None
         self._panel_link: str | None = None
-        self._queue: asyncio.Queue[_Work] = asyncio.Queue()
-        self._task: asyncio.Task[None] | None = None
-        self._clients: dict[Role, Client | None] = {"participant": None, "panel": None}
         self._worker: WorkerHandle | None = None
         self._worker_epoch = 0
         self._worker_ready = False
         self._restarts = 0
-        self._view: TrialView | None = None
-        self._world: World | None = None
-        self._tick: int | None = resumed.tick
-        self._trial_s = 0.0 if resumed.tick is None else (resumed.tick + 1) * TICK_S
-        self._last_seq = resumed.last_seq
-        self._held = False
-        self._pings: dict[int, float] = {}
+        self._queue: asyncio.Queue[_Work] = asyncio.Queue()
+        self._task: asyncio.Task[None] | None = None
+        self._ping = 0
+        self._pinged_s = 0.0
 
     # ---- what the lab and the server call -----------------------------------------------------------------------
 
     async def open(self) -> None:
         """Start dealing with the queue, and bring back what a restart of the lab interrupted."""
         before = self.session
-        self.session, effects = protocol.restore(self.session, self._around.now_unix_s())
+        self.session, effects = protocol.restore(before, self._around.now_unix_s())
         if self.session != before:
-            await self._commit(events=(self._event("lab_restarted", "lab", {"state": before.state}),))
+            event = self._event("lab_restarted", "lab", {"state": before.state})
+            await self._commit(session=self.session, events=(event,))
         self._task = asyncio.create_task(self._run(), name=f"session {self.enrolment.participant}")
         await self._carry_out(effects)
 
@@ -217,9 +115,7 @@ class LiveSession:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
         await self._stop_worker()
-        for client in self._clients.values():
-            if client is not None:
-                client.end()
+        self._audience.end()
 
     def attach(self, client: Client) -> None:
         """A page connected and said hello."""
@@ -231,16 +127,14 @@ class LiveSession:
 
     def receive(self, client: Client, message: Message) -> None:
         """A page sent a message. The state of the hands does not wait in the queue."""
-        if self._clients[client.role] is not client and not self._is_attaching(client):
-            return
-        if isinstance(message, (Input, Heartbeat)) and client.role == "participant":
+        if isinstance(message, (Input, Heartbeat)):
             self._on_hands(client, message)
         else:
             self._queue.put_nowait(_Work("message", message, client))
 
     async def command(self, event: Event, by: str) -> None:
         """An experimenter's pause, resume or abort. Raises `study.protocol.IllegalEvent`."""
-        done: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._queue.put_nowait(_Work("command", (event, by), done=done))
         await done
 
@@ -251,17 +145,7 @@ class LiveSession:
     @property
     def connected(self) -> bool:
         """Whether the participant's page is connected."""
-        return self._clients["participant"] is not None
-
-    @property
-    def view(self) -> TrialView | None:
-        """The trial as it stands, if one is under way."""
-        return self._view
-
-    @property
-    def held(self) -> bool:
-        """Whether the robot waits for the page's heartbeat."""
-        return self._held
+        return self._audience.participant is not None
 
     # ---- the queue ----------------------------------------------------------------------------------------------
 
@@ -278,115 +162,102 @@ class LiveSession:
         while True:
             work = await self._queue.get()
             try:
-                result = await handlers[work.kind](work)
+                await handlers[work.kind](work)
                 if work.done is not None and not work.done.cancelled():
-                    work.done.set_result(result)
+                    work.done.set_result(None)
             except Exception as error:
-                if work.done is not None and not work.done.cancelled():
-                    work.done.set_exception(error)
-                else:
-                    log.exception("session %s: %s could not be dealt with", self.enrolment.participant, work.kind)
-                    if work.client is not None:
-                        identifier = getattr(work.payload, "id", None)
-                        text = "the lab could not deal with this; nothing was lost"
-                        work.client.deliver(Error(code="internal", field=None, message=text, id=identifier))
+                self._could_not(work, error)
 
-    def _is_attaching(self, client: Client) -> bool:
-        return any(work.kind == "attach" and work.client is client for work in list(self._queue._queue))  # type: ignore[attr-defined]
+    def _could_not(self, work: _Work, error: Exception) -> None:
+        """Something went wrong with one piece of work; the session goes on with the next."""
+        if work.done is not None and not work.done.cancelled():
+            work.done.set_exception(error)
+            return
+        log.error("session %s: %s failed", self.enrolment.participant, work.kind, exc_info=error)
+        if work.client is not None:
+            text = "the lab could not deal with this; nothing was lost, please try again"
+            refuse(work.client, "internal", None, text, getattr(work.payload, "id", None))
 
     # ---- connections --------------------------------------------------------------------------------------------
 
     async def _on_attach(self, work: _Work) -> None:
-        client = work.client
-        assert client is not None
-        previous = self._clients[client.role]
-        if previous is not None and previous is not client:
-            previous.deliver(Superseded())
-            previous.end()
-        self._clients[client.role] = client
+        client = _present(work.client)
+        previous = self._audience.join(client)
         kind = "tab_taken_over" if previous is not None else "connected"
-        await self._commit(events=(self._event(kind, "participant", {"role": client.role}),))
-        distractor = self._around.study.distractor
-        if distractor.placement == "second_device" and self._panel_link is None:
+        await self._commit(events=(self._event(kind, "participant", {"role": client.role, "client": client.name}),))
+        if self._around.study.distractor.placement == "second_device" and self._panel_link is None:
             self._panel_link = await self._around.panel_link()
-        client.deliver(
-            Welcome(
-                role=client.role,
-                session=self.enrolment.public_id,
-                study_title=self._around.study.title,
-                pace=self.enrolment.pace,
-                tick_s=TICK_S,
-                heartbeat_ms=self._around.config.heartbeat_ms,
-                placement=distractor.placement if distractor.enabled else "none",
-                show_assistance=self._around.study.show_assistance,
-                last_seq=self._last_seq,
-                demo=self.enrolment.demo,
-            )
-        )
-        client.deliver(self._page() if client.role == "participant" else self._panel_page())
-        self._deliver_status(client)
-        self._deliver_world(client)
-        self._deliver_open_alert(client)
+        self._audience.welcome(client, self._last_seq)
+        client.deliver(self._page() if client.role == "participant" else panel_page(self.session))
+        status = self._status()
+        if status is not None:
+            client.deliver(status)
+        self._audience.show_world(self._world)
+        self._audience.show_reading(self._distractor.open_alert, self._distractor, self._trial_s)
 
     async def _on_detach(self, work: _Work) -> None:
-        client = work.client
-        assert client is not None
-        if self._clients[client.role] is not client:
+        client = _present(work.client)
+        if not self._audience.leave(client):
             return
-        self._clients[client.role] = None
-        event = self._event("disconnected", "participant", {"role": client.role})
+        event = self._event("disconnected", "participant", {"role": client.role, "client": client.name})
         if client.role == "participant" and not self.session.is_over:
             await self._advance(Event("connection_lost"), events=(event,))
         else:
             await self._commit(events=(event,))
 
     async def _on_ping(self, work: _Work) -> None:
-        client = self._clients["participant"]
+        client = self._audience.participant
         if client is not None:
-            number = len(self._pings) + 1 if len(self._pings) < 1000 else 1
-            self._pings = {number: self._around.now_unix_s()}
-            client.deliver(Ping(n=number))
+            self._ping, self._pinged_s = self._ping + 1, self._around.now_unix_s()
+            client.deliver(Ping(n=self._ping))
 
     # ---- hands --------------------------------------------------------------------------------------------------
 
     def _on_hands(self, client: Client, message: Input | Heartbeat) -> None:
-        locked = self._distractor.locked(self._trial_s)
-        if isinstance(message, Heartbeat):
+        if client.role != "participant":
+            refuse(client, "illegal", "type", "the second device does not drive the robot")
+        elif not self._audience.holds(client):
+            pass  # taken over, or not let in yet: the page says its state again with the next heartbeat
+        elif isinstance(message, Heartbeat):
             self.vitals.visible, self.vitals.focused = message.visible, message.focused
             self.vitals.device = message.device
-            direction = None if locked else message.direction
-            self._send_worker(Hands(message.seq, direction, beat=True))
-            return
-        if message.seq <= self._last_seq:
+            away = self._distractor.locked(self._trial_s)
+            self._send_worker(Hands(message.seq, None if away else message.direction, beat=True))
+        elif message.seq <= self._last_seq:
             text = f"seq {message.seq} is not above {self._last_seq}, the last one taken; it was ignored"
-            client.deliver(Error(code="out_of_order", field="seq", message=text))
-            return
-        self._last_seq = message.seq
+            refuse(client, "out_of_order", "seq", text)
+        else:
+            self._last_seq = message.seq
+            self._on_input(client, message)
+
+    def _on_input(self, client: Client, message: Input) -> None:
         if self.enrolment.pace == "lockstep" and not (self.session.is_ticking and self._worker_ready):
-            text = f"no tick can run in state {self.session.state!r}; the input was ignored"
-            client.deliver(Error(code="illegal", field="type", message=text))
+            text = f"no tick can run in state {self.session.state!r} now; the input was ignored"
+            refuse(client, "illegal", "type", text)
             return
-        hands = Hands(message.seq, message.direction, message.gripper)
-        self._send_worker(replace(hands, direction=None, pressed=None) if locked else hands)
+        away = self._distractor.locked(self._trial_s)
+        direction, pressed = (None, None) if away else (message.direction, message.gripper)
+        self._send_worker(Hands(message.seq, direction, pressed))
 
     # ---- messages -----------------------------------------------------------------------------------------------
 
     async def _on_message(self, work: _Work) -> None:
-        client, message = work.client, work.payload
-        assert client is not None
+        client, message = _present(work.client), work.payload
         if isinstance(message, Submit):
             await self._on_submit(client, message)
         elif isinstance(message, Note):
-            data = {"role": client.role, **message.data}  # a resend of the same id writes nothing
-            await self._commit(submission=message.id, events=(self._event(message.name, "participant", data),))
-            client.deliver(Ack(id=message.id))
+            data = {"role": client.role, **message.data}
+            event = self._event(message.name, "participant", data)
+            await self._commit(submission=message.id, events=(event,))
+            acknowledge(client, message.id)
         elif isinstance(message, View):
+            if message.name not in dict(pages.VIEWS):
+                refuse(client, "invalid", "name", f"no view {message.name!r}; there are {list(dict(pages.VIEWS))}")
+                return
             self._send_worker(SetView(message.name))
             await self._commit(events=(self._event("view", "participant", {"name": message.name}),))
-        elif isinstance(message, Pong) and message.n in self._pings:
-            self.vitals.round_trip_ms = (self._around.now_unix_s() - self._pings.pop(message.n)) * 1000.0
-        elif isinstance(message, (Input, Heartbeat)):
-            client.deliver(Error(code="illegal", field="type", message="a panel does not drive the robot"))
+        elif isinstance(message, Pong) and message.n == self._ping:
+            self.vitals.round_trip_ms = (self._around.now_unix_s() - self._pinged_s) * 1000.0
 
     async def _on_submit(self, client: Client, message: Submit) -> None:
         participant = self.enrolment.participant
@@ -403,37 +274,34 @@ class LiveSession:
                 await self._on_step(client, message)
         except Refused as refused:
             if refused.kept:
-                data = {"step": message.step, "fields": [field for field, _ in refused.problems]}
+                data = {"step": message.step, "fields": [place for place, _ in refused.problems]}
                 event = self._event("answers_not_right", "participant", data)
                 response = {"code": refused.code, "problems": refused.problems}
                 await self._commit(submission=message.id, response=response, answers=refused.kept, events=(event,))
-            self._refuse(client, message.id, refused.code, refused.problems)
+            for place, text in refused.problems:
+                refuse(client, refused.code, place, text, message.id)
         except protocol.IllegalEvent as illegal:
-            self._refuse(client, message.id, "illegal", (("step", str(illegal)),))
+            refuse(client, "illegal", "step", str(illegal), message.id)
             client.deliver(self._page())
 
-    def _answer_again(self, client: Client, identifier: str, response: Mapping[str, Any]) -> None:
+    @staticmethod
+    def _answer_again(client: Client, identifier: str, response: Mapping[str, Any]) -> None:
         """A resend of something already dealt with gets the same answer."""
-        if response.get("problems"):
-            self._refuse(client, identifier, response["code"], response["problems"])
-        else:
-            client.deliver(Ack(id=identifier))
-
-    def _refuse(self, client: Client, identifier: str, code: Any, problems: Iterable[Any]) -> None:
-        for place, text in problems:
-            client.deliver(Error(code=code, field=place, message=text, id=identifier))
+        for place, text in response.get("problems", ()):
+            refuse(client, response["code"], place, text, identifier)
+        if not response.get("problems"):
+            acknowledge(client, identifier)
 
     async def _on_step(self, client: Client, message: Submit) -> None:
-        now_s = self._around.now_unix_s()
         condition = self.enrolment.plan.trial(self.session.trial).condition
-        context = StepContext(self._around.study, self.session, condition, utc_text(now_s))
-        outcome: Outcome = STEPS[message.step](context, message.data)
+        context = StepContext(self._around.study, self.session, condition, self._around.now_utc())
+        outcome = STEPS[message.step](context, message.data)
         events = (self._event(f"step_{message.step}", "participant", dict(outcome.log or {})),)
         if message.step == "help":
             self.vitals.help_wanted = True
         if outcome.event is None:
             await self._commit(submission=message.id, events=events)
-            client.deliver(Ack(id=message.id))
+            acknowledge(client, message.id)
             return
         if message.step == "start" and not self._worker_ready:
             raise Refused("illegal", ("step", "the robot is not ready yet"))
@@ -443,15 +311,14 @@ class LiveSession:
             submission=message.id,
             answers=outcome.answers,
             consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
-            acknowledge=client,
+            waiting=client,
         )
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
-        data = parse(AlertData, message.data)
-        utc = utc_text(self._around.now_unix_s())
-        alert = self._distractor.alert(data.alert)
-        if alert is None:
+        data, utc = parse(AlertData, message.data), self._around.now_utc()
+        if self._distractor.alert(data.alert) is None:
             raise Refused("invalid", ("data.alert", f"no reading {data.alert} has been shown in this trial"))
+        events: tuple[EventRow, ...] = ()
         if message.step == "alert_shown":
             self._distractor = self._distractor.shown(data.alert, utc)
         elif message.step == "alert_heard":
@@ -461,13 +328,12 @@ class LiveSession:
             if result == "empty":
                 raise Refused("invalid", ("data.value", "Please type the reading."))
             self._distractor = after
-            events = (self._event("alert_answer", "participant", {"alert": data.alert, "result": result}),)
-            await self._commit(submission=message.id, alerts=(data.alert,), events=events)
-            client.deliver(Ack(id=message.id))
-            self._deliver_alert_closed(self._distractor.alert(data.alert))
-            return
-        await self._commit(submission=message.id, alerts=(data.alert,))
-        client.deliver(Ack(id=message.id))
+            answer = {"alert": data.alert, "result": result, "value": data.value}
+            events = (self._event("alert_answer", "participant", answer),)
+        await self._commit(submission=message.id, alerts=(data.alert,), events=events)
+        acknowledge(client, message.id)
+        if events:
+            self._audience.show_reading(self._distractor.alert(data.alert), self._distractor, self._trial_s)
 
     # ---- the experimenter ---------------------------------------------------------------------------------------
 
@@ -481,21 +347,21 @@ class LiveSession:
     async def _on_report(self, work: _Work) -> None:
         epoch, report = work.payload
         if epoch != self._worker_epoch:
-            return
+            return  # of a worker that has been stopped
         if isinstance(report, Ready):
             await self._on_ready(report)
         elif isinstance(report, Ticked):
             await self._on_ticked(report)
         elif isinstance(report, HoldChanged):
-            self._held = report.held
+            self.held = report.held
             kind = "robot_held" if report.held else "robot_released"
             await self._commit(events=(self._event(kind, "lab", {}),))
-            self._broadcast_status()
+            self._audience.show_status(self._status())
         elif isinstance(report, Failed):
             await self._commit(events=(self._event("worker_failed", "lab", {"reason": report.reason}),))
 
     async def _on_ready(self, report: Ready) -> None:
-        self._worker_ready, self._view, self.scene_port = True, report.view, report.scene_port
+        self._worker_ready, self.view, self.scene_port = True, report.view, report.scene_port
         self._world = World(**vars(report.sight))
         if report.mismatch is not None:
             event = self._event("replay_mismatch", "robot", {"tick": report.mismatch})
@@ -505,48 +371,49 @@ class LiveSession:
             return
         if self.session.is_ticking:
             self._send_worker(Begin())
-        self._deliver_page()
-        self._broadcast_status()
-        self._broadcast_world()
+        self._audience.show_page(self._page(), self.session)
+        self._audience.show_world(self._world)
+        self._audience.show_status(self._status())
 
     async def _on_ticked(self, report: Ticked) -> None:
-        result, trial = report.result, self.session.trial
-        practice = self.session.place == "practice"
+        """Record a tick with everything that happened in it, then show it."""
+        result, practice = report.result, self.session.place == "practice"
         row = replace(result.row, started_utc=utc_text(report.started_unix_s), late_ms=report.late_ms)
-        before = pages.instruction(self._view, self._around.labels, practice) if self._view else None
-        self._tick, self._trial_s, self._view = row.tick, (row.tick + 1) * TICK_S, result.view
+        labels = self._around.labels
+        before = pages.instruction(self.view, labels, practice) if self.view else None
+        self._tick, self._trial_s, self.view = row.tick, (row.tick + 1) * TICK_S, result.view
         self._world = World(**vars(report.sight))
-        self.vitals.ticks += 1
-        overrun = report.missed > 0 or (report.late_ms or 0.0) > 50.0
         events = [self._event(event.kind, "robot", dict(event.data)) for event in result.events]
-        if overrun:
+        if report.missed or (report.late_ms or 0.0) > OVERRUN_MS:
             self.vitals.overruns += 1
-            data = {"late_ms": report.late_ms, "missed": report.missed}
-            events.append(self._event("overrun", "lab", data))
-        changed = ()
-        if not practice:
-            plan = self.enrolment.plan.trial(trial)
-            self._distractor, changed = self._distractor.advance(self._trial_s, lambda number: reading(plan, number))
-            if result.finished:
-                self._distractor, closed = self._distractor.close()
-                changed = (*changed, *closed)
+            events.append(self._event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
+        changed = () if practice else self._advance_distractor(result.finished)
         rows: dict[str, Any] = {
             "ticks": () if practice else (row,),
             "practice_ticks": (row,) if practice else (),
             "tasks": () if practice else result.tasks,
-            "alerts": [alert.alert for alert in changed],
+            "alerts": [item.alert for item in changed],
             "cycle": result.cycle_start,
         }
+        distractor, trial_s = self._distractor, self._trial_s
+        show = self._around.study.show_assistance
+        tick = pages.tick_message(result, report.seq, before, labels, practice, show)
         if not result.finished:
             await self._commit(events=events, **rows)
         else:
             await self._phase_done(tuple(events), **rows)
-        self._broadcast_tick(result, report.seq, before, practice)
-        for alert in changed:
-            if alert.status == "open":
-                self._deliver_open_alert(self._alert_client())
-            else:
-                self._deliver_alert_closed(alert)
+        self._audience.show_world(self._world)
+        self._audience.show_tick(tick)
+        for item in changed:
+            self._audience.show_reading(item, distractor, trial_s)
+
+    def _advance_distractor(self, finished: bool) -> tuple[Any, ...]:
+        plan = self.enrolment.plan.trial(self.session.trial)
+        self._distractor, changed = self._distractor.advance(self._trial_s, lambda number: reading(plan, number))
+        if finished:
+            self._distractor, closed = self._distractor.close()
+            changed = (*changed, *closed)
+        return changed
 
     async def _phase_done(self, events: tuple[EventRow, ...], **rows: Any) -> None:
         """The practice or the trial is over: its last tick and the step to the next state are one commit."""
@@ -559,10 +426,10 @@ class LiveSession:
     async def _closed_trial(self, outcome: Literal["completed", "aborted"]) -> TrialRow:
         """The row of the trial that ends now."""
         participant, trial = self.enrolment.participant, self.session.trial
-        (row,) = await self._around.store.run(lambda store: store.rows_of("trials", participant, trial=trial))
-        ticks = 0 if self._tick is None else self._tick + 1
-        finished_utc = utc_text(self._around.now_unix_s())
-        return replace(row, outcome=outcome, ticks=ticks, overruns=self.vitals.overruns, finished_utc=finished_utc)
+        found = await self._around.store.run(lambda store: store.rows_of("trials", participant, trial=trial))
+        row: TrialRow = found[0] if found else self._around.trial_row(trial)
+        ticks, overruns = 0 if self._tick is None else self._tick + 1, self.vitals.overruns
+        return replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=self._around.now_utc())
 
     async def _on_worker_exit(self, work: _Work) -> None:
         if work.payload != self._worker_epoch or self._worker is None:
@@ -570,14 +437,38 @@ class LiveSession:
         self._worker, self._worker_ready, self.scene_port = None, False, None
         self._restarts += 1
         event = self._event("worker_lost", "lab", {"restarts": self._restarts})
-        if self._restarts > self._around.config.worker_restarts:
+        needed = self.session.worker
+        if needed is None or self._restarts > self._around.config.worker_restarts:
             await self._advance(Event("experimenter_pause", "the robot's process keeps ending"), events=(event,))
             return
         await self._commit(events=(event,))
-        self._broadcast_status("recovering")
-        needed = self.session.worker
-        if needed is not None:
-            await self._start_worker(*needed)
+        self._audience.show_status(self._status())
+        await self._start_worker(*needed)
+
+    async def _start_worker(self, kind: WorkerKind, trial: int) -> None:
+        self._worker_epoch += 1
+        epoch = self._worker_epoch
+        self._worker_ready, self.scene_port = False, None
+        spec = await self._around.make_spec(kind, trial)
+        self._worker = self._around.start_worker(
+            spec,
+            lambda report: self._queue.put_nowait(_Work("report", (epoch, report))),
+            lambda: self._queue.put_nowait(_Work("exit", epoch)),
+        )
+
+    async def _stop_worker(self) -> None:
+        """End the worker and forget the phase it ran."""
+        worker, self._worker = self._worker, None
+        self._worker_epoch += 1
+        self._worker_ready, self.scene_port, self.held, self._restarts = False, None, False, 0
+        self.view, self._world, self._tick, self._trial_s = None, None, None, 0.0
+        self._distractor = DistractorState(self._around.study.distractor)
+        if worker is not None:
+            await worker.stop()
+
+    def _send_worker(self, command: WorkerCommand) -> None:
+        if self._worker is not None and self._worker_ready:
+            self._worker.send(command)
 
     # ---- the protocol -------------------------------------------------------------------------------------------
 
@@ -585,7 +476,7 @@ class LiveSession:
         self,
         event: Event,
         events: tuple[EventRow, ...] = (),
-        acknowledge: Client | None = None,
+        waiting: Client | None = None,
         submission: str | None = None,
         **rows: Any,
     ) -> None:
@@ -596,23 +487,22 @@ class LiveSession:
             data = {"event": event.name, "from": before.state, "to": after.state, "reason": event.reason}
             events = (*events, self._event("state", "lab", data))
         if after.is_over:
-            rows["finished_utc"] = utc_text(self._around.now_unix_s())
+            rows["finished_utc"] = self._around.now_utc()
             if before.place == "trial":
                 rows["trials"] = (await self._closed_trial("aborted"),)
                 self._distractor, closed = self._distractor.close()
-                rows["alerts"] = [alert.alert for alert in closed]
-        elif any(isinstance(effect, BeginTicks) for effect in effects) and after.state == "trial":
-            row = self._around.trial_row(after.trial)
-            rows["trials"] = (replace(row, started_utc=utc_text(self._around.now_unix_s())),)
+                rows["alerts"] = [item.alert for item in closed]
+        elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             self.vitals.overruns = 0
+            rows["trials"] = (replace(self._around.trial_row(after.trial), started_utc=self._around.now_utc()),)
         await self._commit(session=after, events=events, submission=submission, **rows)
         self.session = after
-        if acknowledge is not None and submission is not None:
-            acknowledge.deliver(Ack(id=submission))
+        if waiting is not None and submission is not None:
+            acknowledge(waiting, submission)
         await self._carry_out(effects)
         if after != before:
-            self._deliver_page()
-            self._broadcast_status()
+            self._audience.show_page(self._page(), after)
+            self._audience.show_status(self._status())
 
     async def _carry_out(self, effects: tuple[protocol.Effect, ...]) -> None:
         for effect in effects:
@@ -621,39 +511,13 @@ class LiveSession:
             elif isinstance(effect, StopWorker):
                 await self._stop_worker()
             elif isinstance(effect, PauseTicks):
-                self._held = False
+                self.held = False
                 self._send_worker(Hold())
             elif isinstance(effect, (BeginTicks, ResumeTicks)):
                 if self._worker is None and self.session.worker is not None:
                     self._restarts = 0
                     await self._start_worker(*self.session.worker)
                 self._send_worker(Begin())
-
-    async def _start_worker(self, kind: Literal["practice", "trial"], trial: int) -> None:
-        self._worker_epoch += 1
-        epoch = self._worker_epoch
-        self._worker_ready = False
-        self.scene_port = None
-        spec = await self._around.make_spec(kind, trial)
-        self._worker = self._around.start_worker(
-            spec,
-            lambda report: self._queue.put_nowait(_Work("report", (epoch, report))),
-            lambda: self._queue.put_nowait(_Work("exit", epoch)),
-        )
-
-    async def _stop_worker(self) -> None:
-        worker, self._worker = self._worker, None
-        self._worker_ready, self.scene_port, self._view, self._tick = False, None, None, None
-        self._held = False
-        self._restarts = 0
-        self._worker_epoch += 1
-        self._distractor, self._trial_s = DistractorState(self._around.study.distractor), 0.0
-        if worker is not None:
-            await worker.stop()
-
-    def _send_worker(self, command: WorkerCommand) -> None:
-        if self._worker is not None and self._worker_ready:
-            self._worker.send(command)
 
     # ---- the record ---------------------------------------------------------------------------------------------
 
@@ -698,23 +562,11 @@ class LiveSession:
     def _page(self) -> pages.Page:
         practice = self.session.place in ("practice_ready", "practice")
         shown: Instruction | None = None
-        if self._view is not None:
-            shown = pages.instruction(self._view, self._around.labels, practice)
+        if self.view is not None:
+            shown = pages.instruction(self.view, self._around.labels, practice)
         scene_path = f"/s/{self.enrolment.public_id}/scene/"
         context = PageContext(self._around.study, scene_path, self._panel_link, shown, self._worker_ready)
         return pages.page(self.session, context)
-
-    def _panel_page(self) -> pages.Page:
-        state = "over" if self.session.is_over else "waiting"
-        return pages.Page(state=state, trial=None, trials=self.session.trials, content={})
-
-    def _deliver_page(self) -> None:
-        client = self._clients["participant"]
-        if client is not None:
-            client.deliver(self._page())
-        panel = self._clients["panel"]
-        if panel is not None and self.session.is_over:
-            panel.deliver(self._panel_page())
 
     def _status(self) -> Status | None:
         if self.session.worker is None:
@@ -725,63 +577,9 @@ class LiveSession:
             return Status(status="recovering" if self._restarts else "starting")
         if not self.session.is_ticking:
             return Status(status="ready")
-        return Status(status="held" if self._held else "running")
-
-    def _deliver_status(self, client: Client) -> None:
-        status = self._status()
-        if status is not None:
-            client.deliver(status)
-
-    def _broadcast_status(self, override: Literal["recovering"] | None = None) -> None:
-        for client in self._clients.values():
-            if client is not None:
-                if override:
-                    client.deliver(Status(status=override))
-                else:
-                    self._deliver_status(client)
-
-    def _broadcast_tick(self, result: Any, seq: int, before: Instruction | None, practice: bool) -> None:
-        client = self._clients["participant"]
-        if client is None:
-            return
-        self._deliver_world(client)
-        show = self._around.study.show_assistance
-        client.deliver(pages.tick_message(result, seq, before, self._around.labels, practice, show))
-
-    def _broadcast_world(self) -> None:
-        client = self._clients["participant"]
-        if client is not None:
-            self._deliver_world(client)
-
-    def _deliver_world(self, client: Client) -> None:
-        if client.telemetry and self._world is not None:
-            client.deliver(self._world)
-
-    def _alert_client(self) -> Client | None:
-        on_panel = self._around.study.distractor.placement == "second_device"
-        return self._clients["panel" if on_panel else "participant"]
-
-    def _deliver_open_alert(self, client: Client | None) -> None:
-        alert = self._distractor.open_alert
-        if alert is None or client is None or client is not self._alert_client():
-            return
-        settings = self._around.study.distractor
-        client.deliver(
-            Alert(
-                alert=alert.alert,
-                reading=alert.reading,
-                elapsed_s=max(0.0, self._trial_s - alert.due_trial_s),
-                answer_within_s=settings.answer_within_s,
-                away_min_s=settings.away_min_s,
-            )
-        )
-
-    def _deliver_alert_closed(self, alert: DistractorAlert | None) -> None:
-        client = self._alert_client()
-        if alert is None or alert.status == "open" or client is None:
-            return
-        release_in_s = self._distractor.release_in_s(self._trial_s)
-        client.deliver(AlertClosed(alert=alert.alert, status=alert.status, release_in_s=release_in_s))
+        return Status(status="held" if self.held else "running")
 
 
-__all__ = ["Client", "Enrolment", "LiveSession", "Notice", "Surroundings", "World"]
+def _present(client: Client | None) -> Client:
+    assert client is not None  # by the kind of work
+    return client

@@ -12,7 +12,8 @@ from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from app.messages import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
-from app.session import LiveSession, Role
+from app.session import LiveSession
+from app.surroundings import Role
 
 HELLO_WITHIN_S = 10.0
 MAX_QUEUED = 1000

@@ -1,0 +1,135 @@
+"""Who is connected to a session, and what each page is sent: one participant's page and one second device."""
+
+from __future__ import annotations
+
+from app import pages
+from app.messages import Ack, Alert, AlertClosed, Error, Message, Page, Status, Superseded, Welcome, World
+from app.surroundings import Client, Enrolment, Role, Surroundings
+from sim.interface import TICK_S
+from study.distractor import Alert as Reading
+from study.distractor import DistractorState
+from study.protocol import Session
+
+
+class Audience:
+    """The connected pages. A newcomer takes its role over from whoever had it."""
+
+    def __init__(self, enrolment: Enrolment, around: Surroundings) -> None:
+        self._enrolment = enrolment
+        self._around = around
+        self._clients: dict[Role, Client | None] = {"participant": None, "panel": None}
+
+    def join(self, client: Client) -> Client | None:
+        """Let a page in; returns the one it took over from, which has been told and is ending."""
+        previous = self._clients[client.role]
+        self._clients[client.role] = client
+        if previous is None or previous is client:
+            return None
+        previous.deliver(Superseded())
+        previous.end()
+        return previous
+
+    def leave(self, client: Client) -> bool:
+        """A page is gone; False if it had been taken over before."""
+        if self._clients[client.role] is not client:
+            return False
+        self._clients[client.role] = None
+        return True
+
+    def holds(self, client: Client) -> bool:
+        """Whether this is the page that has its role."""
+        return self._clients[client.role] is client
+
+    @property
+    def participant(self) -> Client | None:
+        """The participant's page."""
+        return self._clients["participant"]
+
+    def end(self) -> None:
+        """Close every connection."""
+        for client in self._clients.values():
+            if client is not None:
+                client.end()
+
+    # ---- to one page --------------------------------------------------------------------------------------------
+
+    def welcome(self, client: Client, last_seq: int) -> None:
+        """The first message on a socket."""
+        distractor = self._around.study.distractor
+        client.deliver(
+            Welcome(
+                role=client.role,
+                session=self._enrolment.public_id,
+                study_title=self._around.study.title,
+                pace=self._enrolment.pace,
+                tick_s=TICK_S,
+                heartbeat_ms=self._around.config.heartbeat_ms,
+                placement=distractor.placement if distractor.enabled else "none",
+                show_assistance=self._around.study.show_assistance,
+                last_seq=last_seq,
+                demo=self._enrolment.demo,
+            )
+        )
+
+    # ---- to everybody it concerns -------------------------------------------------------------------------------
+
+    def show_page(self, page: Page, session: Session) -> None:
+        """The participant's page, and the panel's when the session is over."""
+        self._tell("participant", page)
+        if session.is_over:
+            self._tell("panel", panel_page(session))
+
+    def show_status(self, status: Status | None) -> None:
+        """Whether ticks run, to both pages."""
+        if status is not None:
+            self._tell("participant", status)
+            self._tell("panel", status)
+
+    def show_world(self, world: World | None) -> None:
+        """What the scene shows in numbers, if the page asked for it."""
+        client = self.participant
+        if client is not None and client.telemetry and world is not None:
+            client.deliver(world)
+
+    def show_tick(self, tick: Message) -> None:
+        """A committed tick."""
+        self._tell("participant", tick)
+
+    def show_reading(self, reading: Reading | None, distractor: DistractorState, trial_s: float) -> None:
+        """A reading, open or closed, to the page the study puts it on."""
+        if reading is None:
+            return
+        settings = self._around.study.distractor
+        message: Message
+        if reading.status == "open":
+            message = Alert(
+                alert=reading.alert,
+                reading=reading.reading,
+                elapsed_s=max(0.0, trial_s - reading.due_trial_s),
+                answer_within_s=settings.answer_within_s,
+                away_min_s=settings.away_min_s,
+            )
+        else:
+            release_in_s = distractor.release_in_s(trial_s)
+            message = AlertClosed(alert=reading.alert, status=reading.status, release_in_s=release_in_s)
+        self._tell("panel" if settings.placement == "second_device" else "participant", message)
+
+    def _tell(self, role: Role, message: Message) -> None:
+        client = self._clients[role]
+        if client is not None:
+            client.deliver(message)
+
+
+def acknowledge(client: Client, identifier: str) -> None:
+    """What was submitted under this id is on disk."""
+    client.deliver(Ack(id=identifier))
+
+
+def refuse(client: Client, code: str, field: str | None, text: str, identifier: str | None = None) -> None:
+    """What was sent cannot be taken."""
+    client.deliver(Error.model_validate({"code": code, "field": field, "message": text, "id": identifier}))
+
+
+def panel_page(session: Session) -> Page:
+    """The second device's page."""
+    return pages.Page(state="over" if session.is_over else "waiting", trial=None, trials=session.trials, content={})

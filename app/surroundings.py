@@ -1,0 +1,108 @@
+"""What a live session is given and what it talks to: values and interfaces, no behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import Literal, Protocol
+
+from app.config import LabConfig
+from app.messages import Message
+from app.pages import Labels
+from app.worker_messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
+from study.design import SessionPlan, Study
+from study.distractor import DistractorState
+from study.protocol import WorkerKind
+from study.records import TrialRow
+from study.writer import AsyncStore
+
+Role = Literal["participant", "panel"]
+
+
+class Client(Protocol):
+    """A connected page or bot, as the session sees it."""
+
+    role: Role
+    name: str
+    """Made by the tab."""
+    telemetry: bool
+    """Whether it asked for what the scene shows in numbers."""
+
+    def deliver(self, message: Message) -> None:
+        """Queue a message for the page; never blocks."""
+
+    def end(self) -> None:
+        """Close the connection after what is queued has been sent."""
+
+
+class WorkerHandle(Protocol):
+    """A live worker, as the session sees it."""
+
+    def send(self, command: WorkerCommand) -> None:
+        """Hand over a command."""
+
+    async def stop(self) -> None:
+        """End it and wait for it."""
+
+
+@dataclass(frozen=True)
+class Enrolment:
+    """What is fixed about a participant from the start."""
+
+    participant: str
+    public_id: str
+    plan: SessionPlan
+    pace: Pace
+    demo: bool
+
+
+@dataclass(frozen=True)
+class Resumed:
+    """Where a stored session stood: its distractor, the last tick of the phase, the last input's number."""
+
+    distractor: DistractorState
+    tick: int | None = None
+    last_seq: int = 0
+    overruns: int = 0
+
+
+@dataclass
+class Vitals:
+    """What the experimenter sees of a session besides its state."""
+
+    round_trip_ms: float | None = None
+    visible: bool | None = None
+    focused: bool | None = None
+    device: str | None = None
+    overruns: int = 0
+    help_wanted: bool = False
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a live session needs of the lab it lives in."""
+
+    store: AsyncStore
+    study: Study
+    config: LabConfig
+    labels: Labels
+    start_worker: Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], WorkerHandle]
+    """(spec, on report, on exit) -> a started worker."""
+    make_spec: Callable[[WorkerKind, int], Awaitable[WorkerSpec]]
+    """(kind, trial) -> a worker's spec, with the log of the current cycle."""
+    trial_row: Callable[[int], TrialRow]
+    """trial -> its row as it begins."""
+    panel_link: Callable[[], Awaitable[str]]
+    """A link for the second device."""
+    now_unix_s: Callable[[], float]
+
+    def now_utc(self) -> str:
+        """The time as it is recorded."""
+        return utc_text(self.now_unix_s())
+
+
+def utc_text(unix_s: float) -> str:
+    """ISO 8601 UTC with milliseconds."""
+    text = datetime.fromtimestamp(unix_s, timezone.utc).isoformat(timespec="milliseconds")
+    return text.replace("+00:00", "Z")
