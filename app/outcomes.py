@@ -34,9 +34,10 @@ class Verdict:
 SUCCESS = Verdict("success")
 
 
-def pickup_verdict(scene: SceneSpec, world: WorldState, object_id: str) -> Verdict | None:
+def pickup_verdict(scene: SceneSpec, world: WorldState, object_id: str, waited_out: bool = False) -> Verdict | None:
     """How the pickup of `object_id` ended, or None while it can still be done.
 
+    An object on the table is judged once it has settled, or as it is now when the wait for that has run out.
     Reasons of failure: `off_table`, `knocked_over`, `out_of_reach`.
     """
     placed, now = scene.object(object_id), world.object(object_id)
@@ -46,7 +47,7 @@ def pickup_verdict(scene: SceneSpec, world: WorldState, object_id: str) -> Verdi
         return SUCCESS if lifted_m >= LIFT_M else None
     if z_m < scene.table.top_z_m:
         return Verdict("failure", "off_table")
-    if not now.settled:
+    if not (now.settled or waited_out):
         return None
     if now.pose.tilt_rad > FALLEN_TILT_RAD:
         return Verdict("failure", "knocked_over")

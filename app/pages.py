@@ -11,7 +11,7 @@ from typing import Any
 
 from app.messages import Instruction, Page, Tick
 from app.outcomes import Verdict
-from app.trial import TickResult, TrialView
+from app.trial_values import TickResult, TrialView
 from study.design import Study
 from study.instruments import INSTRUMENTS
 from study.protocol import Session

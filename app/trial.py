@@ -22,22 +22,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from app.autonomy.actions import UNIT_DIRECTIONS, index_of
-from app.autonomy.arbiter import ArbiterParameters, decide
+from app.autonomy.arbiter import decide
 from app.autonomy.belief import Belief
 from app.autonomy.transition import TransitionModel
-from app.outcomes import (
-    Verdict,
-    dropoff_verdict,
-    pickup_verdict,
-    practice_verdict,
-    release_points,
+from app.motion import motion_segments, unit_direction
+from app.outcomes import Verdict, dropoff_verdict, pickup_verdict, practice_verdict, release_points
+from app.progress import Progress
+from app.trial_values import (
+    NO_INPUT,
+    STILL,
+    CycleStart,
+    Direction,
+    EngineEvent,
+    OperatorInput,
+    TickResult,
+    TrialSetup,
+    TrialView,
 )
+from app.trial_values import inputs_of as inputs_of
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -53,111 +60,24 @@ from sim.interface import (
 )
 from study.records import TaskRow, TickRow
 
-Direction = tuple[int, int, int]
-Kind = Literal["trial", "practice"]
-STILL: Vector3 = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class OperatorInput:
-    """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
-
-    direction: Direction | None = None
-    gripper: Literal["open", "close"] | None = None
-    seq: int | None = None
-    after_pause: bool = False
-
-
-NO_INPUT = OperatorInput()
-
-
-@dataclass(frozen=True)
-class RobotTiming:
-    """How the arm moves and how long things take; defaults as in the study file."""
-
-    speed_m_s: float = 0.04
-    gripper_ticks: int = 2
-    settle_timeout_ticks: int = 12
-    reset_ticks: int = 4
-
-
-@dataclass(frozen=True)
-class CycleSetup:
-    """One pick-and-place: its scene (what is still on the table), the instructed object and bin."""
-
-    scene: SceneSpec
-    object: str
-    bin: str | None
-    """None in practice: the object is put down anywhere else."""
-
-
-@dataclass(frozen=True)
-class TrialSetup:
-    """Everything a trial depends on besides the inputs."""
-
-    participant: str
-    trial: int
-    condition: str
-    kind: Kind
-    cycles: tuple[CycleSetup, ...]
-    parameters: ArbiterParameters
-    timing: RobotTiming = field(default_factory=RobotTiming)
-
-
-@dataclass(frozen=True)
-class CycleStart:
-    """Where to take a trial up again: the cycle (from 1), its first tick, and what lies in the bins already."""
-
-    cycle: int = 1
-    first_tick: int = 0
-    delivered: tuple[tuple[str, Pose], ...] = ()
-
-
-@dataclass(frozen=True)
-class EngineEvent:
-    """Something worth a line in the event log."""
-
-    kind: str
-    data: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class TrialView:
-    """What a page may show of the trial. `source` must not reach a participant unless the study says so."""
-
-    phase: Literal["operating", "gripper", "settling", "reset", "finished"]
-    kind: Literal["pickup", "dropoff"]
-    object: str
-    bin: str | None
-    done_tasks: int
-    tasks: int
-    gripper: str
-    holding: bool
-    blocked: bool
-    source: str
-    ended: Verdict | None
-    """Verdict of the task that ended in this tick."""
-
-
-@dataclass(frozen=True)
-class TickResult:
-    """What one tick left behind. `cycle_start` is set on the last tick before a new cycle."""
-
-    row: TickRow
-    tasks: tuple[TaskRow, ...]
-    events: tuple[EngineEvent, ...]
-    view: TrialView
-    cycle_start: CycleStart | None
-    finished: bool
+_STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
 
 
 @dataclass(frozen=True)
 class _Tick:
-    """What was decided at the start of a tick, kept until its end."""
+    """What was decided at the start of a tick, kept until its end. `action` is None when motion is paused."""
 
     row: dict[str, Any]
+    asked: tuple[MotionSegment, ...]
     verdict: MotionVerdict
-    moves: bool
+    action: Direction | None
+
+    def momentum(self, blocked: bool) -> Vector3:
+        """The direction the arm ends up with: the action's, or what the limits left of it."""
+        if self.action is None or blocked or not any(self.action):
+            return STILL
+        kept = self.verdict.executed[-1].direction
+        return unit_direction(self.action) if kept == self.asked[-1].direction else kept
 
 
 class TrialEngine:
@@ -174,17 +94,16 @@ class TrialEngine:
         self._robot = robot
         self._start = start or CycleStart()
         self._tick = self._start.first_tick
-        self._cycle = self._start.cycle
+        self._progress = Progress(setup, self._start.cycle)
         self._delivered: dict[str, Pose] = dict(self._start.delivered)
-        self._kind: Literal["pickup", "dropoff"] = "pickup"
-        self._task_first_tick: int | None = None
-        self._task_goals = 0
         self._momentum: Vector3 = STILL
         self._belief: Belief | None = None
         self._held_before: str | None = None
+        self._fingers: GripperCommand = "open"
         self._gripper_ticks_left = 0
         self._reset_ticks_left = 0
         self._settling_ticks = 0
+        self._loose_ticks = 0
         self._pending: _Tick | None = None
         self._world: WorldState | None = None
 
@@ -200,7 +119,7 @@ class TrialEngine:
     @property
     def scene(self) -> SceneSpec:
         """The scene of the current cycle."""
-        return self._cycle_setup.scene
+        return self._progress.cycle_setup.scene
 
     @property
     def delivered(self) -> Mapping[str, Pose]:
@@ -215,7 +134,7 @@ class TrialEngine:
     @property
     def cycle(self) -> int:
         """Number of the current cycle, from 1."""
-        return self._cycle
+        return self._progress.cycle
 
     @property
     def belief(self) -> Belief | None:
@@ -235,11 +154,11 @@ class TrialEngine:
             phase = "gripper"
         return TrialView(
             phase=phase,
-            kind=self._kind,
-            object=self._cycle_setup.object,
-            bin=self._cycle_setup.bin,
-            done_tasks=self._task - 1 if not self.finished else self._tasks,
-            tasks=self._tasks,
+            kind=self._progress.kind,
+            object=self._progress.cycle_setup.object,
+            bin=self._progress.cycle_setup.bin,
+            done_tasks=self._progress.task - 1 if not self.finished else self._progress.tasks,
+            tasks=self._progress.tasks,
             gripper=self.world.gripper,
             holding=self.world.held is not None,
             blocked=blocked,
@@ -272,6 +191,7 @@ class TrialEngine:
         self._refresh_goals()
         gripper = self._gripper_command(operator)
         if gripper is not None:
+            self._fingers = gripper
             self._gripper_ticks_left = self.setup.timing.gripper_ticks
         if self._gripper_ticks_left or self._settling_ticks:
             self._pending = self._begin_still(operator, "gripper", gripper or "hold")
@@ -291,10 +211,9 @@ class TrialEngine:
         world = self._world = self._robot.observe()
         events: list[EngineEvent] = []
         blocked, reason = pending.verdict.blocked, pending.verdict.reason
-        if pending.moves and world.lagging:
+        if pending.action is not None and any(pending.action) and world.lagging:
             blocked, reason = True, "the arm is pressed against something"
-        executed = pending.verdict.executed[-1].direction if pending.verdict.executed else STILL
-        self._momentum = executed if pending.moves and not blocked else STILL
+        self._momentum = pending.momentum(bool(blocked))
         row = TickRow(
             **pending.row,
             blocked=int(blocked),
@@ -331,22 +250,18 @@ class TrialEngine:
         goal_ids = tuple(self._goals())
         if self._belief is None or self._belief.goal_ids != goal_ids:
             self._belief = Belief.uniform(goal_ids)
-        if self._task_first_tick is None:
-            self._task_first_tick = self._tick
-            self._task_goals = len(goal_ids)
+        self._progress.begin_task(self._tick, len(goal_ids))
 
     def _gripper_command(self, operator: OperatorInput) -> GripperCommand | None:
-        """The button's command, unless the fingers are busy or already there."""
+        """The button's command, unless the fingers are busy or were told so already."""
         if operator.gripper is None or self._gripper_ticks_left or self._settling_ticks:
             return None
-        already = {"open": "open", "close": "closed"}[operator.gripper]
-        return None if self.world.gripper == already else operator.gripper
+        return None if operator.gripper == self._fingers else operator.gripper
 
     def _begin_still(self, operator: OperatorInput, source: str, gripper: GripperCommand = "hold") -> _Tick:
-        segments = (MotionSegment(STILL, SLICES_PER_TICK),)
-        verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s, gripper))
+        verdict = self._robot.command(RobotCommand(_STAND_STILL, self.setup.timing.speed_m_s, gripper))
         pressed = gripper if gripper != "hold" else None
-        return _Tick(self._row(operator, source, None, None, pressed), verdict, moves=False)
+        return _Tick(self._row(operator, source, None, None, pressed), _STAND_STILL, verdict, action=None)
 
     def _begin_motion(self, operator: OperatorInput) -> _Tick:
         assert self._belief is not None
@@ -369,7 +284,7 @@ class TrialEngine:
         segments = motion_segments(parameters.transition, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
-        return _Tick(self._row(operator, source, user, chosen, None), verdict, moves=any(action))
+        return _Tick(self._row(operator, source, user, chosen, None), segments, verdict, action)
 
     def _feasible(self, model: TransitionModel) -> np.ndarray:
         """Which of the 27 actions the arm can do from here, shape (27,)."""
@@ -395,12 +310,12 @@ class TrialEngine:
             "participant": self.setup.participant,
             "condition": self.setup.condition,
             "trial": self.setup.trial,
-            "task": None if resetting else self._task,
-            "kind": None if resetting else self._kind,
+            "task": None if resetting else self._progress.task,
+            "kind": None if resetting else self._progress.kind,
             "tick": self._tick,
-            "cycle": self._cycle,
+            "cycle": self._progress.cycle,
             "trial_s": self._tick * TICK_S,
-            "goal": None if resetting else self._goal,
+            "goal": None if resetting else self._progress.goal,
             **dict(zip(("p_x", "p_y", "p_z"), p, strict=True)),
             **dict(zip(("m_x", "m_y", "m_z"), m, strict=True)),
             **dict(zip(("user_x", "user_y", "user_z"), user_xyz, strict=True)),
@@ -417,12 +332,13 @@ class TrialEngine:
     # ---- the end of a tick --------------------------------------------------------------------------------------
 
     def _note_grasp(self, world: WorldState) -> list[EngineEvent]:
+        instructed = self._progress.cycle_setup.object
         if world.held == self._held_before:
             return []
         if world.held is None:
             return [EngineEvent("released", {"object": self._held_before})]
-        if world.held != self._cycle_setup.object:
-            return [EngineEvent("wrong_object_grasped", {"object": world.held, "instructed": self._cycle_setup.object})]
+        if world.held != instructed:
+            return [EngineEvent("wrong_object_grasped", {"object": world.held, "instructed": instructed})]
         return [EngineEvent("grasped", {"object": world.held})]
 
     def _judge(
@@ -432,23 +348,28 @@ class TrialEngine:
         if source == "reset":
             self._reset_ticks_left -= 1
             return (), None, None
-        if self._gripper_ticks_left and source == "gripper":
+        if self._gripper_ticks_left:
             self._gripper_ticks_left -= 1
-        if self._kind == "pickup":
-            verdict = pickup_verdict(self.scene, world, self._cycle_setup.object)
-            if verdict is None:
-                return (), None, None
-            if verdict.outcome == "success":
-                return (self._end_task(verdict),), verdict, None
-        else:
-            verdict = self._settled_verdict(world)
-            if verdict is None:
-                return (), None, None
+        picking_up = self._progress.kind == "pickup"
+        verdict = self._lifted_verdict(world) if picking_up else self._settled_verdict(world)
+        if verdict is None:
+            return (), None, None
+        if picking_up and verdict.outcome == "success":
+            return (self._end_pickup(verdict),), verdict, None
         return self._end_cycle(verdict, world, events)
+
+    def _lifted_verdict(self, world: WorldState) -> Verdict | None:
+        """In a pickup: None until the object is lifted or lost. One that rolls on and on is judged as it lies."""
+        name = self._progress.cycle_setup.object
+        loose = world.held != name and not world.object(name).settled
+        self._loose_ticks = self._loose_ticks + 1 if loose else 0
+        waited_out = self._loose_ticks >= self.setup.timing.settle_timeout_ticks
+        return pickup_verdict(self.scene, world, name, waited_out)
 
     def _settled_verdict(self, world: WorldState) -> Verdict | None:
         """In a dropoff: None until the object has left the fingers and come to rest (or the wait ran out)."""
-        name = self._cycle_setup.object
+        cycle_setup = self._progress.cycle_setup
+        name = cycle_setup.object
         if world.held == name:
             self._settling_ticks = 0
             return None
@@ -456,118 +377,50 @@ class TrialEngine:
         timed_out = self._settling_ticks >= self.setup.timing.settle_timeout_ticks
         if self._gripper_ticks_left or not (world.object(name).settled or timed_out):
             return None
-        if self._cycle_setup.bin is None:
+        if cycle_setup.bin is None:
             return practice_verdict(self.scene, world, name)
-        return dropoff_verdict(self.scene, world, name, self._cycle_setup.bin)
+        return dropoff_verdict(self.scene, world, name, cycle_setup.bin)
 
-    def _end_task(self, verdict: Verdict) -> TaskRow:
-        """The task's row; the next task begins with the next tick and a fresh belief."""
-        row = self._task_row(self._kind, verdict.outcome, verdict.reason, self._task_first_tick, self._tick - 1)
-        self._kind = "dropoff"
-        self._task_first_tick = None
+    def _end_pickup(self, verdict: Verdict) -> TaskRow:
+        """The pickup's row; the dropoff begins with the next tick and a fresh belief."""
+        row = self._progress.row(verdict, self._tick - 1)
+        self._progress.to_dropoff()
         self._belief = None
         return row
 
     def _end_cycle(
         self, verdict: Verdict, world: WorldState, events: list[EngineEvent]
     ) -> tuple[tuple[TaskRow, ...], Verdict, CycleStart | None]:
-        tasks = [self._task_row(self._kind, verdict.outcome, verdict.reason, self._task_first_tick, self._tick - 1)]
-        if self._kind == "pickup" and self.setup.kind == "trial":
-            tasks.append(self._task_row("dropoff", "not_run", "pickup_failed", None, None))
-        if self._cycle_setup.bin is not None and self._kind == "dropoff":
-            self._delivered[self._cycle_setup.object] = world.object(self._cycle_setup.object).pose
-        practice_done = self.setup.kind == "practice" and self._kind == "dropoff" and verdict.outcome == "success"
-        if self.setup.kind == "practice" and not practice_done:
+        progress, practice = self._progress, self.setup.kind == "practice"
+        tasks = [progress.row(verdict, self._tick - 1)]
+        if progress.kind == "pickup" and not practice:
+            tasks.append(progress.not_run_row())
+        if progress.kind == "dropoff" and not practice and verdict.reason != "left_on_table":
+            # What stands in the way on the table is taken away; the rest stays in sight.
+            self._delivered[progress.cycle_setup.object] = world.object(progress.cycle_setup.object).pose
+        practice_done = practice and progress.kind == "dropoff" and verdict.outcome == "success"
+        if practice and not practice_done:
             events.append(EngineEvent("practice_repeated", {"reason": verdict.reason}))
-        last = self.setup.kind == "trial" and self._cycle == len(self.setup.cycles)
-        if last or practice_done:
+        if progress.is_last_cycle or practice_done:
             self.finished = True
             return tuple(tasks), verdict, None
-        self._cycle += 1
-        start = CycleStart(self._cycle, self._tick, tuple(self._delivered.items()))
+        progress.to_cycle(progress.cycle + 1)
+        start = CycleStart(progress.cycle, self._tick, tuple(self._delivered.items()))
         self._enter_cycle(reset=True)
         return tuple(tasks), verdict, start
 
     def _enter_cycle(self, reset: bool) -> None:
         """A fresh world: arm at the start, belief forgotten, everything displaced restored."""
-        self._kind = "pickup"
-        self._task_first_tick = None
         self._belief = None
         self._momentum = STILL
         self._held_before = None
+        self._fingers = "open"
         self._gripper_ticks_left = 0
         self._settling_ticks = 0
+        self._loose_ticks = 0
         self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
-        self._robot.reset(self._cycle_setup.scene)
+        self._robot.reset(self.scene)
         self._world = self._robot.observe()
-
-    # ---- where we are -------------------------------------------------------------------------------------------
-
-    @property
-    def _cycle_setup(self) -> CycleSetup:
-        return self.setup.cycles[min(self._cycle, len(self.setup.cycles)) - 1]
-
-    @property
-    def _tasks(self) -> int:
-        return 2 * len(self.setup.cycles)
-
-    @property
-    def _task(self) -> int:
-        cycle = self._cycle if self.setup.kind == "trial" else 1
-        return 2 * cycle - (1 if self._kind == "pickup" else 0)
-
-    @property
-    def _goal(self) -> str | None:
-        return self._cycle_setup.object if self._kind == "pickup" else self._cycle_setup.bin
-
-    def _task_row(
-        self, kind: str, outcome: str, reason: str | None, first_tick: int | None, last_tick: int | None
-    ) -> TaskRow:
-        cycle_setup = self._cycle_setup
-        cycle = self._cycle if self.setup.kind == "trial" else 1
-        return TaskRow(
-            participant=self.setup.participant,
-            condition=self.setup.condition,
-            trial=self.setup.trial,
-            task=2 * cycle - (1 if kind == "pickup" else 0),
-            kind=kind,
-            goal=cycle_setup.object if kind == "pickup" else (cycle_setup.bin or ""),
-            object=cycle_setup.object,
-            goals=self._task_goals if outcome != "not_run" else len(cycle_setup.scene.bins),
-            outcome=outcome,
-            reason=reason,
-            first_tick=first_tick,
-            last_tick=last_tick,
-        )
-
-
-def motion_segments(model: TransitionModel, momentum: Vector3, action: Direction) -> tuple[MotionSegment, ...]:
-    """How the arm carries out `action` within a tick: the transition model, made of slices.
-
-    `mix`: for the planning delay the arm still follows `momentum`. `replan`: a change of direction starts late.
-    """
-    x, y, z = (float(value) for value in UNIT_DIRECTIONS[index_of(action)])
-    direction = (x, y, z)
-    late_slices = round(model.planning_delay * SLICES_PER_TICK)
-    if late_slices == 0 or direction == momentum:
-        return (MotionSegment(direction, SLICES_PER_TICK),)
-    first = momentum if model.kind == "mix" else STILL
-    if late_slices == SLICES_PER_TICK:
-        return (MotionSegment(first, SLICES_PER_TICK),)
-    return (MotionSegment(first, late_slices), MotionSegment(direction, SLICES_PER_TICK - late_slices))
-
-
-def inputs_of(row: TickRow) -> OperatorInput:
-    """The input a logged tick took into account, for re-running it."""
-    direction = None
-    if row.user_x is not None and row.user_y is not None and row.user_z is not None:
-        direction = (row.user_x, row.user_y, row.user_z)
-    gripper: Literal["open", "close"] | None = None
-    if row.gripper_input == "open":
-        gripper = "open"
-    elif row.gripper_input == "close":
-        gripper = "close"
-    return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
 
 
 def _json(value: Any) -> str:

@@ -24,7 +24,8 @@ from app.hands import HandsLatch
 from app.loop import Deadline, Pacer
 from app.outcomes import release_points
 from app.parts import make_robot, make_scene
-from app.trial import OperatorInput, TickResult, TrialEngine
+from app.trial import TrialEngine
+from app.trial_values import OperatorInput, TickResult
 from app.worker_messages import (
     Begin,
     Failed,

@@ -34,8 +34,9 @@ MODULES = {
         app.__main__ app.server app.api app.sockets app.scene_proxy
     """,
     "engine": """
-        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial app.outcomes app.hands
-        app.parts app.cycles app.planning app.session app.steps app.pages app.pilot app.bots
+        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
+        app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.cycles
+        app.planning app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props

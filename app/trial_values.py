@@ -1,0 +1,122 @@
+"""What a trial depends on and what a tick of it leaves behind: frozen values, picklable, with no behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from app.autonomy.arbiter import ArbiterParameters
+from app.outcomes import Verdict
+from sim.interface import Pose, SceneSpec, Vector3
+from study.records import TaskRow, TickRow
+
+Direction = tuple[int, int, int]
+Kind = Literal["trial", "practice"]
+STILL: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class OperatorInput:
+    """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
+
+    direction: Direction | None = None
+    gripper: Literal["open", "close"] | None = None
+    seq: int | None = None
+    after_pause: bool = False
+
+
+NO_INPUT = OperatorInput()
+
+
+@dataclass(frozen=True)
+class RobotTiming:
+    """How the arm moves and how long things take; defaults as in the study file."""
+
+    speed_m_s: float = 0.04
+    gripper_ticks: int = 2
+    settle_timeout_ticks: int = 12
+    reset_ticks: int = 4
+
+
+@dataclass(frozen=True)
+class CycleSetup:
+    """One pick-and-place: its scene (what is still on the table), the instructed object and bin."""
+
+    scene: SceneSpec
+    object: str
+    bin: str | None
+    """None in practice: the object is put down anywhere else."""
+
+
+@dataclass(frozen=True)
+class TrialSetup:
+    """Everything a trial depends on besides the inputs."""
+
+    participant: str
+    trial: int
+    condition: str
+    kind: Kind
+    cycles: tuple[CycleSetup, ...]
+    parameters: ArbiterParameters
+    timing: RobotTiming = field(default_factory=RobotTiming)
+
+
+@dataclass(frozen=True)
+class CycleStart:
+    """Where to take a trial up again: the cycle (from 1), its first tick, and what lies in the bins already."""
+
+    cycle: int = 1
+    first_tick: int = 0
+    delivered: tuple[tuple[str, Pose], ...] = ()
+
+
+@dataclass(frozen=True)
+class EngineEvent:
+    """Something worth a line in the event log."""
+
+    kind: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """What a page may show of the trial. `source` must not reach a participant unless the study says so."""
+
+    phase: Literal["operating", "gripper", "settling", "reset", "finished"]
+    kind: Literal["pickup", "dropoff"]
+    object: str
+    bin: str | None
+    done_tasks: int
+    tasks: int
+    gripper: str
+    holding: bool
+    blocked: bool
+    source: str
+    ended: Verdict | None
+    """Verdict of the task that ended in this tick."""
+
+
+@dataclass(frozen=True)
+class TickResult:
+    """What one tick left behind. `cycle_start` is set on the last tick before a new cycle."""
+
+    row: TickRow
+    tasks: tuple[TaskRow, ...]
+    events: tuple[EngineEvent, ...]
+    view: TrialView
+    cycle_start: CycleStart | None
+    finished: bool
+
+
+def inputs_of(row: TickRow) -> OperatorInput:
+    """The input a logged tick took into account, for re-running it."""
+    direction = None
+    if row.user_x is not None and row.user_y is not None and row.user_z is not None:
+        direction = (row.user_x, row.user_y, row.user_z)
+    gripper: Literal["open", "close"] | None = None
+    if row.gripper_input == "open":
+        gripper = "open"
+    elif row.gripper_input == "close":
+        gripper = "close"
+    return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
