@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import QuaternionWxyz, SimError, Vector3
+from sim.interface import SLICES_PER_TICK, QuaternionWxyz, SimError, Vector3
 
 TORSO_M = 0.38
 """Height of the torso lift, which the lab never moves."""
@@ -70,6 +70,8 @@ HAND_M = 0.1385 + GRIPPER_OFFSET_M
 FINGER_TRAVEL_M = 0.05
 """Each finger's inner face moves this far from the middle; the opening is twice a finger's position."""
 MAX_OPENING_M = 2.0 * FINGER_TRAVEL_M
+GRIPPER_SLICES = 2 * SLICES_PER_TICK
+"""Opening or closing takes 1 s; a free finger crosses its whole travel in that time."""
 FINGER_ORIGIN_M = 0.015425
 """Finger frame's distance from the middle when closed."""
 FINGER_SIZE_M: Vector3 = (0.06, 0.0144, 0.0264)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sim import fetch, ik
 from sim.interface import (
     SLICE_S,
-    SLICES_PER_TICK,
     TICK_S,
     GripperState,
     MotionVerdict,
@@ -26,9 +25,7 @@ from sim.interface import (
 )
 from sim.objects import grasp_point
 
-GRIPPER_SLICES = 2 * SLICES_PER_TICK
-"""Opening or closing takes 1 s; the fingers cross their whole travel in that time."""
-FINGER_STEP_M = fetch.MAX_OPENING_M / GRIPPER_SLICES
+FINGER_STEP_M = fetch.MAX_OPENING_M / fetch.GRIPPER_SLICES
 GRASP_X_M = 0.03
 GRASP_Z_M = 0.03
 KNOCK_DEPTH_M = 0.02
@@ -135,7 +132,7 @@ class KinematicRobot:
         self._path = ik.waypoints(self._position, verdict, command.speed_m_s)[::-1] if moving else []
         if command.gripper != "hold" and self._closing != (command.gripper == "close"):
             self._closing = command.gripper == "close"
-            self._gripper_slices_left = GRIPPER_SLICES
+            self._gripper_slices_left = fetch.GRIPPER_SLICES
             if not self._closing:
                 self._release()
         self._near = self._within(command.speed_m_s * TICK_S) if self._path else ()
