@@ -2,7 +2,14 @@
 
 import { h } from "./dom.js";
 import { LEGEND } from "./keyboard.js";
-import { ACTIONS, controlName, LABELS } from "./mapping.js";
+import { controlName } from "./mapping.js";
+
+const PAIRS = [
+  ["Forward, back", "forward", "back"],
+  ["Left, right", "left", "right"],
+  ["Up, down", "up", "down"],
+  ["Grip, let go", "close", "open"],
+];
 
 const key = (text) => h("kbd", {}, text);
 
@@ -22,7 +29,7 @@ export function padLegend(mapping) {
     "table",
     { class: "legend" },
     h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
-    h("tbody", {}, ACTIONS.map((action) => h("tr", {}, h("th", { scope: "row" }, LABELS[action][0].toUpperCase() + LABELS[action].slice(1)), h("td", {}, key(controlName(mapping[action])))))),
+    h("tbody", {}, PAIRS.map(([what, ...actions]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, actions.map((action) => key(controlName(mapping[action]))))))),
   );
 }
 

@@ -94,10 +94,11 @@ export class DriveView {
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
     this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
     this.pictures = h("div", { class: "instruction-picture" });
-    this.instruction = h("section", { class: "side-card instruction", "aria-label": "What to do now" }, h("h2", { class: "eyebrow" }, "Now"), h("div", { "aria-live": "assertive" }, this.words), this.pictures);
+    this.instruction = h("section", { class: "side-card instruction", "aria-label": "What to do now" }, h("h2", { class: "visually-hidden" }, "What to do now"), h("div", { "aria-live": "assertive" }, this.words), this.pictures);
     this.progressText = h("p", { class: "progress-text", data: { testid: "progress" } });
     this.dots = h("div", { class: "dots", "aria-hidden": "true" });
-    this.hint = h("p", { class: "drive-hint", role: "status", data: { testid: "drive-hint" } });
+    this.hintText = h("span", {});
+    this.hint = h("p", { class: "drive-hint", role: "status", data: { testid: "drive-hint" } }, icon("warning"), this.hintText);
     this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
     this.hands = indicator(this.input);
     this.legend = h("div", { class: "legend-box" });
@@ -105,10 +106,11 @@ export class DriveView {
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
     this.overlay = h("div", { class: "overlay", hidden: true });
-    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.notice, this.overlay);
+    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.notice, this.hint, this.overlay);
     this.side = h("aside", { class: "side", "aria-label": "What to do and what the robot is doing" }, this.sign, this.assist, this.instruction,
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
-      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.gripper, this.hint, this.soundButton, this.legend));
+      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.soundButton, this.legend));
+    this.hands.element.lastChild.append(this.gripper);
     this.body = h("div", { class: "drive-body" }, this.region, this.side);
     this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
     if (this.socket.welcome?.placement === "same_page_away") {
@@ -152,7 +154,7 @@ export class DriveView {
     if (this.status !== "paused") this.status = null;
     this._instruct(tick.instruction);
     this._drawProgress(tick.done_tasks, tick.tasks);
-    setText(this.gripper, tick.holding ? `${GRIPPER[tick.gripper]}, holding something` : GRIPPER[tick.gripper]);
+    setText(this.gripper, tick.holding ? "Gripper holding" : GRIPPER[tick.gripper]);
     if (tick.notice) this._say(tick.notice);
     this._refresh();
   }
@@ -167,6 +169,7 @@ export class DriveView {
     if (text === this._instruction) return;
     this._instruction = text;
     setText(this.words, instruction.text);
+    this.words.classList.toggle("long", instruction.text.length > 48);
     this.instruction.dataset.kind = instruction.kind;
     this.pictures.replaceChildren(...instructionPicture(instruction));
   }
@@ -186,7 +189,7 @@ export class DriveView {
   _say(text) {
     clearTimeout(this._noticeTimer);
     this.notice.hidden = false;
-    this.notice.replaceChildren(icon("help"), h("p", {}, text));
+    this.notice.replaceChildren(icon("info"), h("p", {}, text));
     this._noticeTimer = setTimeout(() => (this.notice.hidden = true), NOTICE_MS);
   }
 
@@ -233,8 +236,9 @@ export class DriveView {
       if (!wait && !this.overlay.hidden && document.activeElement === document.body) this.start.focus({ preventScroll: true });
     }
     const blocked = state === "running" && this.tick?.blocked;
-    setText(this.hint, blocked ? "Cannot move further that way" : "");
+    setText(this.hintText, blocked ? "Cannot move further that way" : "");
     this.hint.classList.toggle("shown", Boolean(blocked));
+    if (state === "lost" || state === "paused") this.notice.hidden = true;
     const assisting = this.tick?.assisting ?? null;
     this.assist.hidden = assisting === null;
     if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");

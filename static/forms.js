@@ -51,7 +51,7 @@ export function consentView({ socket }, page) {
     });
     if (answer !== null) whileBusy(decline, "Saving", () => socket.submit("decline").catch(() => {}));
   });
-  const form = h("form", { novalidate: true }, h("label", { class: "agree", for: boxId }, box, h("span", {}, "I have read this, I am of legal age, and I agree to take part.")), error, h("div", { class: "actions" }, agree, decline));
+  const form = h("form", { novalidate: true }, h("label", { class: "agree", for: boxId }, box, h("span", {}, "I have read this and I agree to take part.")), error, h("div", { class: "actions" }, agree, decline));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     if (!box.checked) {
@@ -130,7 +130,7 @@ export function endView(_context, page) {
   const link = page.content.completion_link ? safeLink(page.content.completion_link) : null;
   const element = card({
     title, sign, lines: page.content.text, testid: `page-${page.state}`,
-    actions: link ? [h("a", { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } }, "Go back to where you came from")] : [],
+    actions: link ? [h("a", { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } }, "Continue to the completion page")] : [],
   });
   return { element };
 }

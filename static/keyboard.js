@@ -13,9 +13,8 @@ const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "op
 export const LEGEND = [
   ["Forward, back", ["W", "S"], ["↑", "↓"]],
   ["Left, right", ["A", "D"], ["←", "→"]],
-  ["Up, down", ["R", "F"], ["Page ↑", "Page ↓"]],
-  ["Close gripper", ["Space"], ["C"]],
-  ["Open gripper", ["Enter"], ["O"]],
+  ["Up, down", ["R", "F"], ["PgUp", "PgDn"]],
+  ["Grip, let go", ["C", "O"], ["Space", "Enter"]],
 ];
 
 function isTyping(target) {

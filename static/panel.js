@@ -18,7 +18,10 @@ const alert = new AlertView({ socket, sound, away: false });
 const connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
 const on = h("button", { type: "button", class: "primary huge", data: { testid: "panel-start" } }, icon("sound"), "Turn the sound on");
 on.addEventListener("click", async () => {
-  if (await sound.alarm()) setTimeout(() => sound.silence(), 800);
+  if (!(await sound.alarm())) return toasts.show("This browser did not let the sound through. Press the button once more.", { problem: true });
+  started = true;
+  setTimeout(() => alert.covering || sound.silence(), 800);
+  refresh();
 });
 const locked = h("section", { class: "panel-wait", data: { testid: "panel-locked" } }, h("h1", {}, "Sensor readings"), h("p", {}, "This screen shows the readings. Press the button once, so that the browser lets the alarm through."), on);
 const last = h("p", { class: "panel-last", role: "status", data: { testid: "panel-last" } });
@@ -27,11 +30,12 @@ const waiting = h("section", { class: "panel-wait", data: { testid: "panel-waiti
 const main = h("main", { id: "main" }, locked, waiting, alert.element);
 
 let ended = null;
+let started = false; // the button was pressed: sound is known to come through
 
 function refresh() {
   const open = alert.covering;
-  locked.hidden = ended !== null || sound.ready || open;
-  waiting.hidden = ended !== null || !sound.ready || open;
+  locked.hidden = ended !== null || started || open;
+  waiting.hidden = ended !== null || !started || open;
   const words = { open: ["check", "Connected"], superseded: ["warning", "Open on another device"], denied: ["warning", "Link not valid"], outdated: ["warning", "Page out of date"] };
   const [sign, text] = words[socket.state] ?? ["lost", socket.state === "lost" ? "Connection lost – trying again" : "Connecting"];
   connection.dataset.state = socket.state;
@@ -87,5 +91,6 @@ socket.addEventListener("refused", (event) => event.detail.stale || toasts.show(
 
 document.body.append(h("div", { class: "app panel-app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Sensor panel")), connection), main, toasts.element));
 refresh();
+on.focus();
 socket.connect();
 window.salab = { socket, sound, alert };
