@@ -15,8 +15,9 @@ from app.worker_messages import Hands
 class HandsLatch:
     """Collects hand states until a tick takes them. Owns no clock: callers pass `now_s` (monotonic seconds)."""
 
-    def __init__(self, fresh_s: float) -> None:
+    def __init__(self, fresh_s: float, stale_s: float) -> None:
         self.fresh_s = fresh_s
+        self.stale_s = stale_s
         self.seq = 0
         self._direction: Direction | None = None
         self._seen: Direction | None = None
@@ -24,14 +25,14 @@ class HandsLatch:
         self._at_s: float | None = None
 
     def put(self, hands: Hands, now_s: float) -> None:
-        """A message arrived. A heartbeat that repeats an older input than the last one changes nothing but time."""
+        """A message arrived. One that is older than the last input is a sign of life and nothing else."""
         self._at_s = now_s
-        if hands.beat and hands.seq < self.seq:
+        if hands.seq < self.seq:
             return
-        self.seq = max(self.seq, hands.seq)
+        self.seq = hands.seq
         self._direction = hands.direction
-        if hands.direction is not None:
-            self._seen = hands.direction
+        if hands.direction is not None and not hands.beat:
+            self._seen = hands.direction  # a heartbeat repeats what is held, it is no press
         if hands.pressed is not None:
             self._gripper = hands.pressed
 
@@ -39,13 +40,23 @@ class HandsLatch:
         """Whether the page has been heard of within `fresh_s`."""
         return self._at_s is not None and now_s - self._at_s <= self.fresh_s
 
-    def take(self) -> OperatorInput:
-        """The input of the tick that starts now. What was pressed and released meanwhile counts, once."""
+    def take(self, now_s: float) -> OperatorInput:
+        """The input of the tick that starts now. What was pressed and released meanwhile counts, once.
+
+        Neutral when the page was last heard of more than `stale_s` ago.
+        """
+        if self._at_s is None or now_s - self._at_s > self.stale_s:
+            self.drop()
         direction = self._direction if self._direction is not None else self._seen
         gripper = self._gripper
-        self._seen, self._gripper = None, None
+        self.forget_presses()
         return OperatorInput(direction, gripper, self.seq)
 
+    def forget_presses(self) -> None:
+        """Forget what was pressed and not taken; what is held down now still counts."""
+        self._seen, self._gripper = None, None
+
     def drop(self) -> None:
-        """Forget presses that were not taken (before a pause ends): nothing stale is executed late."""
-        self._direction, self._seen, self._gripper = None, None, None
+        """Forget everything until the next message: nothing stale is executed late."""
+        self._direction = None
+        self.forget_presses()

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
@@ -53,20 +54,21 @@ IDLE_WAIT_S = 0.25
 def run(connection: Connection, spec: WorkerSpec) -> None:
     """Entry point of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    robot = make_robot(spec.robot)
-    scene = make_scene() if spec.scene else None
-    try:
-        Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene).serve()
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        pass  # the lab is gone: nothing is left to serve
-    except Exception as error:
-        connection.send(Failed(f"{type(error).__name__}: {error}"))
-        raise
-    finally:
-        if scene is not None:
-            scene.close()
-        robot.close()
-        connection.close()
+    with ExitStack() as open_parts:
+        open_parts.callback(connection.close)
+        try:
+            robot = make_robot(spec.robot)
+            open_parts.callback(robot.close)
+            scene = make_scene() if spec.scene else None
+            if scene is not None:
+                open_parts.callback(scene.close)
+            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene).serve()
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            pass  # the lab is gone: nothing is left to serve
+        except Exception as error:
+            with suppress(OSError):
+                connection.send(Failed(f"{type(error).__name__}: {error}"))
+            raise
 
 
 class Worker:
@@ -78,12 +80,13 @@ class Worker:
         self._engine = engine
         self._scene = scene
         self._scene_cycle = 0
-        self._hands = HandsLatch(spec.heartbeat_timeout_s)
+        self._hands = HandsLatch(spec.heartbeat_timeout_s, TICK_S)
         self._pacer = Pacer(TICK_S)
         self._running = False
         self._held = False
         self._resumed = False
         self._stopping = False
+        self._tick_ends_s = 0.0
 
     def serve(self) -> None:
         """Build the world, re-run the log, then obey until told to stop or the lab is gone."""
@@ -102,10 +105,12 @@ class Worker:
     def _rerun(self) -> int | None:
         mismatch = None
         for operator, digest in self._spec.log:
+            if self._engine.finished:
+                break  # it went another way this time, and `mismatch` says since when
             result = self._engine.tick(operator)
             if result.row.digest != digest and mismatch is None:
                 mismatch = result.row.tick
-        self._resumed = bool(self._spec.log)
+        self._resumed = self._engine.next_tick > 0
         return mismatch
 
     # ---- commands -----------------------------------------------------------------------------------------------
@@ -118,10 +123,10 @@ class Worker:
                 self._lockstep_tick()
         elif isinstance(command, Begin):
             self._hands.drop()
-            self._resumed = self._resumed or self._engine.next_tick > self._spec.start.first_tick
             self._running = True
-            self._pacer.start(now_s)
+            self._pacer.start(max(now_s, self._tick_ends_s))
         elif isinstance(command, Hold):
+            self._resumed = self._resumed or (self._running and self._engine.next_tick > 0)
             self._running = False
             self._held = False
             self._pacer.stop()
@@ -142,7 +147,7 @@ class Worker:
 
     def _lockstep_tick(self) -> None:
         started_unix_s = time.time()
-        result = self._engine.tick(self._take_input())
+        result = self._engine.tick(self._take_input(time.monotonic()))
         self._draw()
         self._connection.send(Ticked(result, self._sight(), self._hands.seq, started_unix_s, None, 0))
 
@@ -155,6 +160,7 @@ class Worker:
         if self._hands.fresh(time.monotonic()):
             if self._held:
                 self._held = False
+                self._hands.forget_presses()  # made when nothing could be seen to follow from them
                 self._connection.send(HoldChanged(False))
             self._real_time_tick(deadline)
         elif not self._held:
@@ -165,7 +171,8 @@ class Worker:
 
     def _real_time_tick(self, deadline: Deadline) -> None:
         started_unix_s = time.time()
-        self._engine.begin(self._take_input())
+        self._tick_ends_s = deadline.due_s + TICK_S
+        self._engine.begin(self._take_input(time.monotonic()))
         seq = self._hands.seq
         for index in range(SLICES_PER_TICK):
             due_s = deadline.due_s + index * SLICE_S
@@ -188,8 +195,8 @@ class Worker:
             bins_m=release_points(self._engine.scene.bins),
         )
 
-    def _take_input(self) -> OperatorInput:
-        operator = replace(self._hands.take(), after_pause=self._resumed)
+    def _take_input(self, now_s: float) -> OperatorInput:
+        operator = replace(self._hands.take(now_s), after_pause=self._resumed)
         self._resumed = False
         return operator
 
