@@ -23,9 +23,10 @@ import numpy as np
 from sim.interface import SimError
 from sim.meshes import Mesh, Rgb, box, capsule, merge, rod, to_glb
 
-BAKE_VERSION = 2
+BAKE_VERSION = 4
 """Raise it when what is baked changes: the cache is keyed by it."""
-CACHE_LIMIT_BYTES = 600_000
+CACHE_LIMIT_BYTES = 500_000
+"""What all baked meshes may weigh together."""
 
 _CHARCOAL: Rgb = (74, 78, 86)
 _BLACK: Rgb = (34, 36, 40)
@@ -43,19 +44,22 @@ class _Part:
     roll_rad: float = 0.0
     color: Rgb = _CHARCOAL
     keep: float = 0.15
+    """Share of the triangles that is kept."""
+    bold: int = 3
+    """How fast the simplifier raises its threshold; a higher value gets further down and is rougher."""
 
 
 # Frames and offsets are those of the published fetch.urdf. Parts that never move against a link are drawn with it.
 _PARTS: Mapping[str, tuple[_Part, ...]] = {
     "base_link": (
-        _Part("base_link.dae", keep=0.06),
+        _Part("base_link.dae", keep=0.05, bold=5),
         _Part("torso_fixed_link.dae", (-0.086875, 0.0, 0.377425), color=_BLUE, keep=0.6),
-        _Part("estop_link.dae", (-0.12465, 0.23892, 0.31127), roll_rad=np.pi / 2, color=_RED, keep=0.05),
-        _Part("r_wheel_link.STL", (0.0012914, -0.18738, 0.055325), color=_BLACK, keep=0.1),
-        _Part("l_wheel_link.STL", (0.0012914, 0.18738, 0.055325), color=_BLACK, keep=0.1),
+        _Part("estop_link.dae", (-0.12465, 0.23892, 0.31127), roll_rad=np.pi / 2, color=_RED, keep=0.03),
+        _Part("r_wheel_link.STL", (0.0012914, -0.18738, 0.055325), color=_BLACK, keep=0.05),
+        _Part("l_wheel_link.STL", (0.0012914, 0.18738, 0.055325), color=_BLACK, keep=0.05),
     ),
     "torso_lift_link": (
-        _Part("torso_lift_link.dae", keep=0.07),
+        _Part("torso_lift_link.dae", keep=0.055),
         _Part("bellows_link.STL", color=_BLACK, keep=0.12),
     ),
     "head_pan_link": (_Part("head_pan_link.dae", keep=0.12),),
@@ -149,7 +153,7 @@ def _load(part: _Part, source: Path) -> Mesh:
     import trimesh  # slow to import, and only needed the first time
 
     scene: Any = trimesh.load_scene(source / part.file)
-    pieces = [_thinned(solid, _face_colors(solid, part.color), part.keep) for solid in scene.dump(concatenate=False)]
+    pieces = [_thinned(solid, _face_colors(solid, part.color), part) for solid in scene.dump(concatenate=False)]
     mesh = merge(*pieces)
     cos, sin = np.cos(part.roll_rad), np.sin(part.roll_rad)
     return mesh.turned([[1, 0, 0], [0, cos, -sin], [0, sin, cos]]).moved(part.offset_m)
@@ -173,8 +177,8 @@ def _face_colors(solid: Any, fallback: Rgb) -> np.ndarray:
     return np.clip((texels[rows, columns].astype(np.int64) + 24) // 48 * 48, 0, 255)
 
 
-def _thinned(solid: Any, face_colors: np.ndarray, keep: float) -> Mesh:
-    """The solid with a share `keep` of its triangles, each coloured as the nearest one it had before."""
+def _thinned(solid: Any, face_colors: np.ndarray, part: _Part) -> Mesh:
+    """The solid with `part.keep` of its triangles, each coloured as the nearest one it had before."""
     import fast_simplification
 
     corners = np.asarray(solid.vertices)[np.asarray(solid.faces)]
@@ -184,12 +188,12 @@ def _thinned(solid: Any, face_colors: np.ndarray, keep: float) -> Mesh:
     points, triangles = grid / 1e5, joined.reshape(-1)[np.asarray(solid.faces)]
     sides = np.stack([triangles[:, i] != triangles[:, (i + 1) % 3] for i in range(3)])
     triangles = triangles[np.all(sides, axis=0)]
-    if keep < 1.0 and len(triangles) > 60:
+    if part.keep < 1.0 and len(triangles) > 60:
         points, triangles = fast_simplification.simplify(
             np.ascontiguousarray(points, dtype=np.float32),
             np.ascontiguousarray(triangles, dtype=np.int32),
-            target_reduction=1.0 - keep,
-            agg=3,
+            target_reduction=1.0 - part.keep,
+            agg=part.bold,
         )
     points, triangles = np.asarray(points, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
     nearest = _nearest(points[triangles].mean(axis=1), corners.mean(axis=1))

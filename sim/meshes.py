@@ -250,16 +250,18 @@ def to_glb(mesh: Mesh, material: Material = "lit") -> bytes:
         raise SimError(f"a mesh needs triangles and finite vertices, got {len(mesh.faces)} triangles")
     positions = mesh.vertices_m.astype("<f4")
     linear = np.concatenate([linear_rgb(mesh.srgba[:, :3]), mesh.srgba[:, 3:]], axis=1)
-    colors = np.round(np.clip(linear, 0.0, 1.0) * 65535.0).astype("<u2")
+    # Eight bits do for surfaces that are shaded anyway; soft gradients in the dark need sixteen.
+    steps, kind, component_type = (255.0, "u1", 5121) if material == "lit" else (65535.0, "<u2", 5123)
+    colors = np.round(np.clip(linear, 0.0, 1.0) * steps).astype(kind)
     small = len(positions) <= 65535
     indices = mesh.faces.reshape(-1).astype("<u2" if small else "<u4")
     # In 127 steps normals compress well and nobody sees the difference.
     normals = (np.round(mesh.normals * 127.0) / 127.0).astype("<f4")
-    # Columns: attribute, bytes, component type (5126 = float, 5123 = uint16, 5125 = uint32), count, shape.
+    # Columns: attribute, bytes, component type, count, shape. 5121 = uint8, 5123 = uint16, 5125 = uint32, 5126 = float.
     streams = [("POSITION", positions.tobytes(), 5126, len(positions), "VEC3")]
     if material == "lit":
         streams.append(("NORMAL", normals.tobytes(), 5126, len(normals), "VEC3"))
-    streams.append(("COLOR_0", colors.tobytes(), 5123, len(colors), "VEC4"))
+    streams.append(("COLOR_0", colors.tobytes(), component_type, len(colors), "VEC4"))
     attributes = {name: number for number, (name, *_) in enumerate(streams)}
     streams.append(("", indices.tobytes(), 5123 if small else 5125, len(indices), "SCALAR"))
     accessors: list[dict[str, object]] = []

@@ -158,7 +158,8 @@ def _wipes_tub() -> Mesh:
 def _absorbent_can() -> Mesh:
     rim_low = [(0.04, -0.08), (0.04, -0.08), (0.04, -0.072), (0.037, -0.07)]
     rim_high = [(0.037, 0.062), (0.04, 0.064), (0.04, 0.072), (0.04, 0.072), (0.036, 0.073)]
-    can = lathe([*rim_low, (0.037, -0.07), (0.037, 0.062), *rim_high], STEEL, n=26)
+    foot = lathe([*rim_low, (0.037, -0.07), (0.037, -0.056)], STEEL, n=26)
+    neck = lathe([(0.037, 0.048), (0.037, 0.062), *rim_high], STEEL, n=26)
     label = lathe([(0.0376, -0.056), (0.0376, 0.048)], VERMILION, n=26)
     bands = [lathe([(0.0381, z), (0.0381, z + 0.012)], DARK, n=26) for z in (-0.05, 0.03)]
     shaker = lathe([(0.026, 0.073), (0.026, 0.073), (0.024, 0.08)], DARK, n=20)
@@ -166,7 +167,7 @@ def _absorbent_can() -> Mesh:
         lathe([(0.003, 0.08), (0.003, 0.0806)], CREAM, n=8).moved((0.014 * np.cos(a), 0.014 * np.sin(a), 0))
         for a in np.arange(6) * np.pi / 3
     ]
-    return merge(can, label, *bands, shaker, *holes)
+    return merge(foot, neck, label, *bands, shaker, *holes)
 
 
 def _sponge_pack() -> Mesh:

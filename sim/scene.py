@@ -55,7 +55,7 @@ VIEWS: Mapping[str, View] = {
         # From over the robot's right shoulder: its left is the picture's left, forward is up, and the elbow, which
         # hides the gripper from straight behind, stands aside.
         View("overview", "Whole table", (-0.03, -0.66, 2.38), (0.63, 0.0, 0.6), float(np.radians(42)), head=False),
-        View("side", "From the side", (0.86, -1.85, 1.3), (0.62, 0.0, 0.72), float(np.radians(42))),
+        View("side", "From the side", (0.84, -1.85, 1.32), (0.6, 0.0, 0.76), float(np.radians(46))),
         View("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), float(np.radians(44)), head=False),
     )
 }
@@ -195,7 +195,8 @@ class SceneView:
         server, self._server = self._server, None
         self._nodes.clear()
         if server is not None:
-            server.stop()
+            with contextlib.redirect_stdout(io.StringIO()):
+                server.stop()
 
     @property
     def note(self) -> str | None:
