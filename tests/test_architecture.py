@@ -48,7 +48,7 @@ MODULES = {
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
         sim.interface sim.fetch sim.ik sim.objects sim.layouts
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.instruments study.records
+        study.instruments study.records study.measures
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

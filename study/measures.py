@@ -1,0 +1,467 @@
+"""The paper's measures (IV-C), from the rows that an export holds. Pure: rows in, values out.
+
+    measure(tasks, ticks) -> Measures(tasks, windows)
+    window_rates(measures) -> one rate per participant and condition
+    survey_scores(answers) -> usability and workload per participant and condition
+    summarise(measures)   -> per condition and kind: n, mean and sd of each measure (`measures.json`)
+
+Words used here, all of them about the ticks of one task:
+
+- a *control tick* has source user, robot or idle; gripper and reset ticks have not (settling counts as gripper);
+- a *user action* is a tick with source user;
+- a *window* is a longest run of at least `WINDOW_TICKS` control ticks without a user action. A user action, a gripper
+  tick, a pause (`after_pause` stands on the first tick after it), a reset and the end of the task end it.
+
+Failed pickups are analysed, as in the paper; dropoffs that failed or were not run are not (`TaskMeasures.analysed`).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from typing import Any, Literal, Protocol
+
+from study.records import CONDITIONS, StudyError, SurveyAnswerRow, TaskRow
+from study.surveys import score
+
+WINDOW_TICKS = 5
+"""Shortest window: 2.5 s (paper IV-C.1)."""
+GAIN_ENTROPY = 0.7
+"""Belief gain is looked at where the entropy before the user action is above this (paper V-C.1)."""
+TIE = 1e-12
+"""Probabilities closer than this are equal: the goal is then not *the* most likely one."""
+
+CONTROL_SOURCES = frozenset({"user", "robot", "idle"})
+Kind = Literal["all", "pickup", "dropoff"]
+KINDS_OF_SUMMARY: tuple[Kind, ...] = ("pickup", "dropoff", "all")
+WindowEnd = Literal["user", "gripper", "pause", "task"]
+
+
+class TickLike(Protocol):
+    """What is read of a tick: any `TickRow`, or a lighter row with these names."""
+
+    @property
+    def participant(self) -> str: ...
+    @property
+    def trial(self) -> int: ...
+    @property
+    def task(self) -> int | None: ...
+    @property
+    def tick(self) -> int: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def after_pause(self) -> int: ...
+    @property
+    def belief(self) -> str: ...
+    @property
+    def entropy(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class TaskMeasures:
+    """One task that was run. `position` is the trial's number: the place of its condition in the order."""
+
+    participant: str
+    condition: str
+    position: int
+    task: int
+    kind: str
+    goal: str
+    goals: int
+    outcome: str
+    reason: str | None
+    analysed: bool
+    """Pickups always, dropoffs if they succeeded."""
+    efficiency_ticks: int
+    """Control ticks: *total task efficiency*."""
+    user_actions: int
+    convergence_user_actions: int | None
+    """*Belief convergence speed*; None = never converged. See `convergence`."""
+    missing_ticks: int
+    """Ticks between the task's first and last that have no row."""
+
+
+@dataclass(frozen=True)
+class WindowMeasures:
+    """One shared autonomy window."""
+
+    participant: str
+    condition: str
+    position: int
+    task: int
+    kind: str
+    goal: str
+    goals: int
+    analysed: bool
+    """As its task."""
+    first_tick: int
+    ticks: int
+    ended_by: WindowEnd
+    entropy_before: float
+    """Entropy at the window's last tick, before the user action."""
+    gain: float | None
+    """b(instructed goal) after the user action that ended the window, less b before it. None when no user action did,
+    or when the candidate goals changed or do not hold the instructed one."""
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the window counts for *belief accuracy gain*: a gain, and entropy above `GAIN_ENTROPY`."""
+        return self.gain is not None and self.entropy_before > GAIN_ENTROPY
+
+
+@dataclass(frozen=True)
+class WindowRate:
+    """Windows divided by control ticks, over the analysed tasks of one participant under one condition."""
+
+    participant: str
+    condition: str
+    position: int
+    kind: Kind
+    windows: int
+    control_ticks: int
+
+    @property
+    def rate(self) -> float:
+        """Windows per control tick."""
+        return self.windows / self.control_ticks
+
+
+@dataclass(frozen=True)
+class SurveyScore:
+    """One questionnaire of one participant about one condition, 1 to 7 after reversing."""
+
+    participant: str
+    condition: str
+    position: int
+    instrument: str
+    score: float
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Everything measured, in the order of the rows."""
+
+    tasks: tuple[TaskMeasures, ...]
+    windows: tuple[WindowMeasures, ...]
+    not_run: tuple[TaskRow, ...] = ()
+    """Dropoffs that did not follow a failed pickup."""
+
+    def analysed_tasks(self, kind: Kind = "all") -> list[TaskMeasures]:
+        """The tasks that enter the analysis."""
+        return [task for task in self.tasks if task.analysed and kind in ("all", task.kind)]
+
+    def analysed_windows(self, kind: Kind = "all") -> list[WindowMeasures]:
+        """The windows of those tasks."""
+        return [window for window in self.windows if window.analysed and kind in ("all", window.kind)]
+
+    def gains(self, kind: Kind = "all") -> list[WindowMeasures]:
+        """The windows that *belief accuracy gain* is measured at."""
+        return [window for window in self.analysed_windows(kind) if window.uncertain]
+
+
+# ---- one task -------------------------------------------------------------------------------------------------------
+
+
+def convergence(goal: str, ticks: Sequence[TickLike]) -> int | None:
+    """User actions observed up to and including the first from which `goal` stays the most likely; None = never.
+
+    Only ticks in which `goal` is a candidate are looked at. Goals switch on holding: once the instructed object is
+    held the candidates are the bins, and while a wrong one is held they are too; such ticks neither count as observed
+    user actions nor speak for or against convergence. A belief that starts afresh (after a wrong object was put down)
+    is uniform, hence not converged. A tie is not "most likely".
+    """
+    return _convergence(goal, [_leads(goal, belief) for belief in _beliefs(ticks)], ticks)
+
+
+def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
+    """Measure every task given, from the ticks that belong to it; other ticks (other trials, resets) are passed over.
+
+    Ticks stand in the order of the export (participant, trial, tick) and are read once, as a stream. Raises
+    `StudyError` for a task without ticks, ticks out of order, or a belief that cannot be read.
+    """
+    rows = {(row.participant, row.trial, row.task): row for row in tasks}
+    not_run = tuple(row for row in rows.values() if row.outcome == "not_run")
+    wanted = {key: row for key, row in rows.items() if row.outcome != "not_run"}
+    measured: dict[tuple[str, int, int], tuple[TaskMeasures, tuple[WindowMeasures, ...]]] = {}
+    for key, group in groupby(ticks, key=lambda tick: (tick.participant, tick.trial, tick.task)):
+        participant, trial, task = key
+        if task is None or (participant, trial, task) not in wanted:
+            continue
+        name = (participant, trial, task)
+        if name in measured:
+            raise StudyError(
+                f"{_place(wanted[name])}: its ticks are not together; sort them by participant, trial, tick"
+            )
+        measured[name] = measure_task(wanted[name], list(group))
+    for key, row in wanted.items():
+        if key not in measured:
+            raise StudyError(f"{_place(row)}: outcome {row.outcome}, but it has no ticks; export the data again")
+    found = [measured[key] for key in wanted]
+    return Measures(
+        tasks=tuple(task for task, _ in found),
+        windows=tuple(window for _, windows in found for window in windows),
+        not_run=not_run,
+    )
+
+
+def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures, tuple[WindowMeasures, ...]]:
+    """One task and its windows. `ticks` are the ticks of this task, in order."""
+    if any(later.tick <= earlier.tick for earlier, later in pairwise(ticks)):
+        raise StudyError(f"{_place(row)}: its ticks are out of order; sort them by participant, trial, tick")
+    try:
+        beliefs = _beliefs(ticks)
+    except (ValueError, TypeError, AttributeError):
+        raise StudyError(
+            f"{_place(row)}: a belief is not JSON of goal id to probability; export the data again"
+        ) from None
+    analysed = row.kind == "pickup" or row.outcome == "success"
+    expected = len(ticks)
+    if row.first_tick is not None and row.last_tick is not None:
+        expected = row.last_tick - row.first_tick + 1
+    task = TaskMeasures(
+        participant=row.participant,
+        condition=row.condition,
+        position=row.trial,
+        task=row.task,
+        kind=row.kind,
+        goal=row.goal,
+        goals=row.goals,
+        outcome=row.outcome,
+        reason=row.reason,
+        analysed=analysed,
+        efficiency_ticks=sum(tick.source in CONTROL_SOURCES for tick in ticks),
+        user_actions=sum(tick.source == "user" for tick in ticks),
+        convergence_user_actions=_convergence(row.goal, [_leads(row.goal, belief) for belief in beliefs], ticks),
+        missing_ticks=max(expected - len(ticks), 0),
+    )
+    windows = tuple(
+        _window(row, analysed, ticks, beliefs, start, stop, ended_by) for start, stop, ended_by in _runs(ticks)
+    )
+    return task, windows
+
+
+def _convergence(goal: str, leads: Sequence[bool | None], ticks: Sequence[TickLike]) -> int | None:
+    observed = 0
+    converged_at: int | None = None
+    for lead, tick in zip(leads, ticks, strict=True):
+        if lead is None:
+            continue
+        if tick.source == "user":
+            observed += 1
+            if lead and converged_at is None:
+                converged_at = observed
+        if not lead:
+            converged_at = None
+    return converged_at
+
+
+def _leads(goal: str, belief: Mapping[str, float]) -> bool | None:
+    """Whether the goal is the most likely one; None = it is not a candidate."""
+    own = belief.get(goal)
+    if own is None:
+        return None
+    return all(other == goal or own - value > TIE for other, value in belief.items())
+
+
+def _beliefs(ticks: Sequence[TickLike]) -> list[Mapping[str, float]]:
+    """Parsed beliefs; ticks without evidence repeat the text before them, which is parsed once."""
+    beliefs: list[Mapping[str, float]] = []
+    text, belief = None, {}
+    for tick in ticks:
+        if tick.belief != text:
+            text = tick.belief
+            belief = json.loads(text)
+            if not belief or not all(0.0 <= value <= 1.0 for value in belief.values()):
+                raise ValueError(text)
+        beliefs.append(belief)
+    return beliefs
+
+
+def _runs(ticks: Sequence[TickLike]) -> Iterator[tuple[int, int, WindowEnd]]:
+    """Start, stop (exclusive) and end of every window."""
+    start: int | None = None
+    for index, tick in enumerate(ticks):
+        no_input = tick.source in CONTROL_SOURCES and tick.source != "user"
+        broken = bool(tick.after_pause) or (index > 0 and tick.tick != ticks[index - 1].tick + 1)
+        if start is not None and (broken or not no_input):
+            if index - start >= WINDOW_TICKS:
+                ended_by: WindowEnd = "task"
+                if broken:
+                    ended_by = "pause"
+                elif tick.source in ("user", "gripper"):
+                    ended_by = "user" if tick.source == "user" else "gripper"
+                yield start, index, ended_by
+            start = None
+        if no_input and start is None:
+            start = index
+    if start is not None and len(ticks) - start >= WINDOW_TICKS:
+        yield start, len(ticks), "task"
+
+
+def _window(
+    row: TaskRow,
+    analysed: bool,
+    ticks: Sequence[TickLike],
+    beliefs: Sequence[Mapping[str, float]],
+    start: int,
+    stop: int,
+    ended_by: WindowEnd,
+) -> WindowMeasures:
+    before = beliefs[stop - 1]
+    entropy = ticks[stop - 1].entropy
+    if not math.isfinite(entropy):
+        raise StudyError(f"{_place(row)}: the entropy of tick {ticks[stop - 1].tick} is {entropy}; it must be 0 to 1")
+    gain: float | None = None
+    if ended_by == "user":
+        after = beliefs[stop]
+        if before.keys() == after.keys() and row.goal in after:
+            gain = after[row.goal] - before[row.goal]
+    return WindowMeasures(
+        participant=row.participant,
+        condition=row.condition,
+        position=row.trial,
+        task=row.task,
+        kind=row.kind,
+        goal=row.goal,
+        goals=row.goals,
+        analysed=analysed,
+        first_tick=ticks[start].tick,
+        ticks=stop - start,
+        ended_by=ended_by,
+        entropy_before=entropy,
+        gain=gain,
+    )
+
+
+def _place(row: TaskRow) -> str:
+    return f"participant {row.participant}, trial {row.trial}, task {row.task}"
+
+
+# ---- per participant ------------------------------------------------------------------------------------------------
+
+
+def window_rates(measures: Measures, kind: Kind = "all") -> tuple[WindowRate, ...]:
+    """Windows (of any entropy, however they ended) per control tick, for every participant and condition."""
+    ticks: dict[tuple[str, str, int], int] = {}
+    for task in measures.analysed_tasks(kind):
+        key = (task.participant, task.condition, task.position)
+        ticks[key] = ticks.get(key, 0) + task.efficiency_ticks
+    counts = dict.fromkeys(ticks, 0)
+    for window in measures.analysed_windows(kind):
+        counts[window.participant, window.condition, window.position] += 1
+    return tuple(WindowRate(*key, kind, counts[key], total) for key, total in ticks.items() if total)
+
+
+def survey_scores(answers: Iterable[SurveyAnswerRow]) -> tuple[SurveyScore, ...]:
+    """Usability and workload after every trial; answers about the whole session (demographics) are passed over.
+
+    Raises `StudyError` when an item is missing, unknown, answered twice or out of range, naming the questionnaire.
+    """
+    given: dict[tuple[str, str, int, str], dict[str, Any]] = {}
+    for answer in answers:
+        if answer.condition is None or answer.trial is None:
+            continue
+        items = given.setdefault((answer.participant, answer.condition, answer.trial, answer.instrument), {})
+        if answer.item in items:
+            raise StudyError(
+                f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} "
+                "is answered twice; keep one of the rows"
+            )
+        items[answer.item] = _point(answer)
+    scores = []
+    for (participant, condition, trial, instrument), items in given.items():
+        try:
+            value = score(instrument, items)
+        except StudyError as error:
+            raise StudyError(f"participant {participant}, trial {trial}: {error}") from None
+        scores.append(SurveyScore(participant, condition, trial, instrument, value))
+    return tuple(scores)
+
+
+def _point(answer: SurveyAnswerRow) -> int:
+    try:
+        return int(answer.value)
+    except ValueError:
+        raise StudyError(
+            f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} is "
+            f"{answer.value!r}; it must be a whole number"
+        ) from None
+
+
+# ---- summaries ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Summary:
+    """n, mean and sample standard deviation; mean is None without values, sd with fewer than two."""
+
+    n: int
+    mean: float | None
+    sd: float | None
+
+
+def summary(values: Sequence[float]) -> Summary:
+    """n, mean, sd (n - 1 in the denominator)."""
+    return Summary(
+        n=len(values),
+        mean=statistics.fmean(values) if values else None,
+        sd=statistics.stdev(values) if len(values) > 1 else None,
+    )
+
+
+def conditions_of(measures: Measures) -> tuple[str, ...]:
+    """The conditions that occur: the paper's in its order, then any others by name."""
+    present = {task.condition for task in measures.tasks}
+    known = tuple(condition for condition in CONDITIONS if condition in present)
+    return known + tuple(sorted(present - set(known)))
+
+
+def summarise(measures: Measures, scores: Iterable[SurveyScore] = ()) -> dict[str, Any]:
+    """Per condition and kind of task: n, mean and sd of each measure, and what was counted. Plain data for JSON."""
+    scores = tuple(scores)
+    return {
+        condition: {
+            "tasks": {kind: _summarise_kind(measures, condition, kind) for kind in KINDS_OF_SUMMARY},
+            "surveys": {
+                name: vars(
+                    summary([item.score for item in scores if (item.condition, item.instrument) == (condition, name)])
+                )
+                for name in sorted({item.instrument for item in scores})
+            },
+        }
+        for condition in conditions_of(measures)
+    }
+
+
+def _summarise_kind(measures: Measures, condition: str, kind: Kind) -> dict[str, Any]:
+    tasks = [task for task in measures.analysed_tasks(kind) if task.condition == condition]
+    windows = [window for window in measures.analysed_windows(kind) if window.condition == condition]
+    gains = [window for window in windows if window.uncertain]
+    converged = [task.convergence_user_actions for task in tasks if task.convergence_user_actions is not None]
+    rates = [item.rate for item in window_rates(measures, kind) if item.condition == condition]
+    run = [task for task in measures.tasks if task.condition == condition and kind in ("all", task.kind)]
+    return {
+        "efficiency_ticks": vars(summary([task.efficiency_ticks for task in tasks])),
+        "convergence_user_actions": vars(summary(converged)),
+        "belief_gain": vars(summary([window.gain for window in gains if window.gain is not None])),
+        "window_rate": vars(summary(rates)),
+        "belief_gain_by_goals": {
+            str(count): vars(summary([w.gain for w in gains if w.goals == count and w.gain is not None]))
+            for count in sorted({window.goals for window in gains})
+        },
+        "counts": {
+            "analysed": len(tasks),
+            "never_converged": len(tasks) - len(converged),
+            "successes": sum(task.outcome == "success" for task in run),
+            "failures": sum(task.outcome == "failure" for task in run),
+            "not_run": sum(row.condition == condition and kind in ("all", row.kind) for row in measures.not_run),
+            "windows": len(windows),
+            "windows_ended_by_user": sum(window.ended_by == "user" for window in windows),
+            "windows_above_entropy": len(gains),
+        },
+    }
