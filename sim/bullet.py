@@ -38,8 +38,8 @@ from sim.objects import grasp_point
 PHYSICS_HZ = 240
 STEPS_PER_SLICE = 8
 TARGETS_PER_SLICE = 2
-SOLVER_ITERATIONS = 50
-SOLVER_RESIDUAL = 1e-6
+SOLVER_ITERATIONS = 30
+SOLVER_RESIDUAL = 1e-5
 
 LAG_M = 0.010
 """A gripper farther than this from where it should be is pressed against something: the command is frozen."""

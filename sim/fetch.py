@@ -81,7 +81,7 @@ PALM_CENTER_M: Vector3 = (-0.093, 0.0, 0.0)
 """The palm ends 32 mm behind `gripper_link`."""
 
 START_POSITION_M: Vector3 = (0.70, 0.0, 0.88)
-START_JOINTS_RAD = (0.0, -0.0496075583, 0.0, 1.9569446109, 0.0, -1.9073370526, 0.0)
+START_JOINTS_RAD = (0.0, -0.0496075630, 0.0, 1.9569446115, 0.0, -1.9073370485, 0.0)
 """The posture of `sim.ik` at `START_POSITION_M`."""
 
 
