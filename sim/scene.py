@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import io
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -172,6 +173,8 @@ class SceneView:
         if self._server is not None:
             return self._server.get_port()
         self._look = robot_look() if self._look is None else self._look
+        # A browser may leave while its camera is being aimed; viser warns of what it then cannot deliver.
+        warnings.filterwarnings("ignore", r"Queued a Set\w+ on a closed connection", UserWarning)
         # viser prints a banner with its address, which is nobody's business but the proxy's.
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
 from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, practice_scene, scene
 from sim.objects import STUDY_OBJECTS
 from sim.scene import DEFAULT_VIEW, VIEWS, SceneOptions, SceneView
-from tests.viser_client import ViserClient, names
+from tests.viser_client import TIMEOUT_S, ViserClient, names
 
 LAYOUT = LAYOUTS[DEFAULT_LAYOUT]
 SIX = scene(LAYOUT, list(STUDY_OBJECTS))
@@ -31,6 +32,14 @@ def world(
         objects.append(ObjectState(placed.spec.id, pose, pose.position_world_m, True))
     position = fetch.link_poses(joints_rad, 0.1)["gripper_link"][0]
     return WorldState(0.0, position, tuple(joints_rad), 0.1, "open", None, False, tuple(objects))
+
+
+def joined(view: SceneView, count: int = 1) -> None:
+    """Wait until viser has taken note of so many clients; it gives no event for that."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while view.clients < count:
+        assert time.monotonic() < deadline_s, f"{view.clients} of {count} clients joined"
+        time.sleep(0.005)
 
 
 class Clock:
@@ -86,6 +95,7 @@ def test_an_update_sends_only_what_moved(view: SceneView) -> None:
     view.update(world(SIX))
     with ViserClient(view.open()) as client:
         client.backlog()
+        joined(view)
         view.update(world(SIX))  # aims the new client's camera
         client.until(type="SetCameraPositionMessage", initial=False)
         client.forget()
@@ -217,6 +227,7 @@ def test_a_view_moves_those_who_look_and_those_who_come(view: SceneView) -> None
         assert early.until(type="SetCameraPositionMessage", initial=True)["position"] == pytest.approx(
             VIEWS[DEFAULT_VIEW].position_world_m
         )
+        joined(view)
         view.update(world(SIX))
         early.until(type="SetCameraPositionMessage", initial=False)
         early.forget()
@@ -233,6 +244,7 @@ def test_a_narrow_window_gets_a_wider_lens(view: SceneView) -> None:
     view.show(SIX)
     with ViserClient(view.open(), width=600, height=800) as client:
         client.backlog()
+        joined(view)
         view.update(world(SIX))
         lens = client.until(type="SetCameraFovMessage", initial=False)
     assert lens["fov"] > VIEWS[DEFAULT_VIEW].fov_rad

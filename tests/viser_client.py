@@ -42,20 +42,26 @@ def camera_message(width: int = 1280, height: int = 720) -> bytes:
 
 
 class ViserClient:
-    """Connects on entering; `messages` holds all that came so far."""
+    """Connects on entering; `messages` holds all that came so far.
 
-    def __init__(self, port: int, path: str = "", width: int = 1280, height: int = 720) -> None:
+    viser counts a client in once it has said where its camera is, which a `silent` one does not.
+    """
+
+    def __init__(
+        self, port: int, path: str = "", width: int = 1280, height: int = 720, *, silent: bool = False
+    ) -> None:
         self.messages: list[dict[str, Any]] = []
         self.size_bytes = 0
         self._url = f"ws://127.0.0.1:{port}{path}"
-        self._first = camera_message(width, height)
+        self._first = None if silent else camera_message(width, height)
         self._socket: ClientConnection
 
     def __enter__(self) -> ViserClient:
         self._socket = connect(
             self._url, subprotocols=[Subprotocol(PROTOCOL)], compression=None, max_size=None, proxy=None
         )
-        self._socket.send(self._first)
+        if self._first is not None:
+            self._socket.send(self._first)
         return self
 
     def __exit__(
