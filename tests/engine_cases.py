@@ -173,10 +173,8 @@ def go_to(engine: TrialEngine, target_m: Sequence[float], axes: str = "xyz") -> 
 
 def fly_to(engine: TrialEngine, target_m: Sequence[float]) -> list[TickResult]:
     """With what is held: up, in front of everything, sideways, and on to a place given by x, y and z."""
-    here_m = engine.world.position_world_gripper_m
-    high_m = max(target_m[2], here_m[2] + 0.08)
     return [
-        *go_to(engine, (0.66, target_m[1], high_m), "zxy"),
+        *go_to(engine, (ARC.aisle_x_m, target_m[1], 0.91), "zxy"),
         *go_to(engine, target_m, "xz"),
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -84,7 +85,7 @@ def test_position_and_momentum_are_those_at_the_start_of_the_tick() -> None:
 
 def test_the_arm_follows_the_person_and_keeps_the_old_direction_for_the_planning_delay() -> None:
     rows = rows_of(run(opened(trial_setup()), [push(FORWARD), push(LEFT), HANDS_OFF, HANDS_OFF]))
-    moved = [[b - a for a, b in zip(position(one), position(two), strict=True)] for one, two in zip(rows, rows[1:])]
+    moved = [[b - a for a, b in zip(position(one), position(two), strict=True)] for one, two in pairwise(rows)]
     # 0.04 m/s for 0.5 s, of which the first 0.1 s go where the arm went before
     assert moved[0] == pytest.approx([0.016, 0.0, 0.0])
     assert moved[1] == pytest.approx([0.004, 0.016, 0.0])
@@ -274,7 +275,7 @@ def test_goals_are_the_objects_where_they_are_until_something_is_held_and_then_t
     engine = opened(trial_setup())
     results = pick_up(engine)
     bins = {name: list(place) for name, place in release_points(engine.scene.bins).items()}
-    for before, result in zip(results, results[1:]):
+    for before, result in pairwise(results):
         goals = json.loads(result.row.goals)
         assert (goals == bins) == (before.row.held is not None)
     first = json.loads(results[0].row.goals)
