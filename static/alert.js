@@ -16,6 +16,7 @@ export class AlertView extends EventTarget {
     this.alert = null;
     this.phase = "idle"; // idle → open → sending → waiting → idle
     this.paused = false;
+    this.concealed = false;
     this._build();
     this._timer = setInterval(() => this._redraw(), REDRAW_MS);
     this._lastMs = performance.now();
@@ -42,10 +43,25 @@ export class AlertView extends EventTarget {
     setText(this.reading, alert.reading);
     setText(this.result, "");
     this._redraw();
+    this._reported = false;
+    this._show();
     this.dispatchEvent(new CustomEvent("open"));
-    this.element.hidden = false;
+  }
+
+  /** During a pause the reading is out of sight: time stands still, and "Go on" must be in reach. */
+  conceal(concealed) {
+    if (this.concealed === concealed) return;
+    this.concealed = concealed;
+    if (concealed) this.sound.silence();
+    this._show();
+  }
+
+  _show() {
+    this.element.hidden = this.phase === "idle" || this.concealed;
+    if (this.element.hidden || this.phase !== "open") return;
     this.input.focus();
-    this._report(alert.alert);
+    if (!this._reported) this._report(this.alert.alert);
+    this._reported = true;
   }
 
   /** The lab says it is over. */
@@ -181,7 +197,7 @@ export class AlertView extends EventTarget {
 
   /** A digit typed anywhere goes into the field, so that the mouse is never needed. */
   _refocus(event) {
-    if (this.phase !== "open" || event.target === this.input || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (this.phase !== "open" || this.concealed || event.target === this.input || event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.key.length !== 1 || event.key === " " || document.querySelector("dialog[open]")) return;
     this.input.focus();
   }

@@ -30,6 +30,7 @@ export class DriveView {
     Object.assign(this, { context, socket, input, sound });
     this.scene = new Scene({ socket });
     this.page = null;
+    this.key = null;
     this.tick = null;
     this.status = null;
     this.alert = null;
@@ -50,15 +51,24 @@ export class DriveView {
     const before = this.page;
     this.page = page;
     if (page.state === "paused") {
+      if (this.key === null) {
+        // The first thing this tab sees of the round, after a reload.
+        this.key = `paused:${page.trial}`;
+        this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
+        if (page.content.instruction) this._instruct(page.content.instruction);
+        this._drawProgress(0, page.content.tasks);
+      }
       this._overlay(pausedBody(this.context, page));
     } else {
       const { content } = page;
       const part = page.state.replace("_ready", "");
       const key = `${part}:${page.trial}`;
+      const resumed = this.key?.startsWith("paused:");
+      if (resumed) this.scene.key = key; // it is on the screen already
       if (this.key !== key) {
         this.key = key;
         this.tick = null;
-        this.alert?.clear();
+        if (!resumed) this.alert?.clear();
         this._drawProgress(0, content.tasks);
       }
       this.scene.show({ src: content.scene, key, views: content.views });
@@ -102,14 +112,14 @@ export class DriveView {
     this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
     this.hands = indicator(this.input);
     this.legend = h("div", { class: "legend-box" });
-    this.soundButton = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "sound-off" } }, icon("sound"), "Sound is off: turn it on");
+    this.soundButton = h("button", { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } }, icon("sound"), "Sound is off: turn it on");
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
     this.overlay = h("div", { class: "overlay", hidden: true });
-    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.notice, this.hint, this.overlay);
+    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.soundButton, this.notice, this.hint, this.overlay);
     this.side = h("aside", { class: "side", "aria-label": "What to do and what the robot is doing" }, this.sign, this.assist, this.instruction,
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
-      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.soundButton, this.legend));
+      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend));
     this.hands.element.lastChild.append(this.gripper);
     this.body = h("div", { class: "drive-body" }, this.region, this.side);
     this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
@@ -119,7 +129,6 @@ export class DriveView {
       this.alert.addEventListener("open", () => {
         this.context.closeDialogs();
         this._refresh();
-        this.alert.input.focus();
       });
       this.alert.addEventListener("released", (event) => {
         this._refresh();
@@ -177,13 +186,14 @@ export class DriveView {
   _drawProgress(done, tasks) {
     const { trial, trials } = this.page;
     const practice = this.key.startsWith("practice");
-    const where = practice ? `Practice before round ${trial} of ${trials}` : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
+    const unknown = this.key.startsWith("paused:");
+    const where = unknown ? `Round ${trial} of ${trials}` : practice ? `Practice before round ${trial} of ${trials}` : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
     setText(this.progressText, where);
     if (this.dots.children.length !== tasks) this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
     [...this.dots.children].forEach((dot, index) => {
       dot.className = index < done ? "dot past" : index === done ? "dot present" : "dot";
     });
-    this.dots.hidden = practice || tasks < 2;
+    this.dots.hidden = unknown || practice || tasks < 2;
   }
 
   _say(text) {
@@ -244,7 +254,8 @@ export class DriveView {
     if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");
     this.soundButton.hidden = this.sound.ready || this.alert === null;
     this.alert?.pause(state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting");
-    this.body.inert = Boolean(this.alert?.covering);
+    this.alert?.conceal(this.page.state === "paused");
+    this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
     this.input.drive(this._driving());
   }
 }

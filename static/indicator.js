@@ -13,7 +13,7 @@ const ARROWS = [
 const DEVICE = {
   gamepad: ["gamepad", "Gamepad"],
   keyboard: ["keyboard", "Keyboard"],
-  none: ["warning", "No controls chosen"],
+  none: ["keyboard", "Keyboard"], // it drives unless something else was chosen
 };
 
 /** Follows `input`; `element` shows the arrows, their words are for everybody. */

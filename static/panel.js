@@ -33,7 +33,7 @@ let ended = null;
 let started = false; // the button was pressed: sound is known to come through
 
 function refresh() {
-  const open = alert.covering;
+  const open = alert.covering && !alert.concealed;
   locked.hidden = ended !== null || started || open;
   waiting.hidden = ended !== null || !started || open;
   const words = { open: ["check", "Connected"], superseded: ["warning", "Open on another device"], denied: ["warning", "Link not valid"], outdated: ["warning", "Page out of date"] };
@@ -82,8 +82,10 @@ socket.addEventListener("page", (event) => {
   if (OVER.has(state)) return finish("That is all", "No more readings. You can close this page.");
   if (ended) reopen();
   alert.pause(state === "paused");
+  alert.conceal(state === "paused");
   if (state !== "trial" && state !== "paused") alert.clear();
   setText(waitText, state === "paused" ? "The round is paused." : "The next reading appears here, with a loud sound. Type it and press Enter.");
+  refresh();
 });
 socket.addEventListener("status", (event) => alert.pause(["paused", "held", "recovering"].includes(event.detail.status)));
 socket.addEventListener("notice", (event) => toasts.show(event.detail.text));

@@ -55,7 +55,7 @@ function replace(next, identity) {
 
 function showPage(page) {
   shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" });
-  if (DRIVING.has(page.state) || (page.state === "paused" && view instanceof DriveView)) {
+  if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
     if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");
     view.show(page);
     return;
@@ -132,15 +132,20 @@ function final(state) {
   replace({ element: card({ sign: "warning", ...pages[state] }) }, state);
 }
 
+/** The lab's messages about a field go on from its name ("must be …"). */
+function sentence(field, message) {
+  return field && /^[a-z]/.test(message) ? `${field} ${message}` : message;
+}
+
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
 socket.addEventListener("notice", (event) => shell.toasts.show(event.detail.text));
 socket.addEventListener("refused", (event) => {
-  const { stale, message, code, id } = event.detail;
+  const { stale, message, code, id, field } = event.detail;
   // What a person cannot act on: a step of an earlier visit, an input that came a moment too late.
   if (stale || (!id && (code === "out_of_order" || code === "illegal"))) return console.warn("refused:", message);
   // Deferred, so that a form can say it beside its question instead.
-  queueMicrotask(() => event.defaultPrevented || shell.toasts.show(code === "internal" ? "The lab could not save that yet. It is tried again." : message, { problem: true }));
+  queueMicrotask(() => event.defaultPrevented || shell.toasts.show(code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message), { problem: true }));
 });
 input.addEventListener("device", (event) => {
   if (view instanceof DriveView) return;

@@ -92,7 +92,7 @@ export function showRefusals(socket, questions) {
     const wrong = questions.filter((one) => ids.includes(one.id));
     if (wrong.length === 0) return;
     event.preventDefault(); // shown here, so no toast
-    for (const one of wrong) one.fail(event.detail.message);
+    for (const one of wrong) one.fail(event.detail.message.replace(/^(?=[a-z])/, "This answer "));
     const first = questions.find((one) => !one.element.querySelector(".field-error").hidden);
     first?.focus();
   };

@@ -367,6 +367,21 @@ def test_the_alarm_is_heard_where_the_browser_lets_it_and_reported_only_then(pag
     assert not [message for message in panel_lab.received if message["type"] in ("heartbeat", "input")]
 
 
+def test_a_pause_hides_the_reading_and_leaves_going_on_in_reach(page: Page, lab: FakeLab) -> None:
+    lab.state = "paused"
+    page.goto(lab.participant_url)  # as after a reload in mid-trial
+    visible(page, "resume-button")
+    lab.send(alert(4, "33.3", elapsed_s=6.0))
+    lab.send({"type": "ping", "n": 1})
+    lab.wait_for(lambda message: message["type"] == "pong")
+    assert page.get_by_test_id("alert").is_hidden()
+    assert not [message for message in lab.received if message.get("step") == "alert_shown"]
+    page.get_by_test_id("resume-button").click()
+    visible(page, "alert")
+    assert lab.wait_submit("alert_shown")["data"] == {"alert": 4}
+    assert page.get_by_test_id("alert-countdown").inner_text() == "14 s left", "time stood still meanwhile"
+
+
 def test_an_unanswered_reading_goes_away_when_the_lab_says_so(page: Page, lab: FakeLab) -> None:
     driving_by_keyboard(page, lab)
     lab.send(alert(3, "10.0", elapsed_s=19.0))
