@@ -126,6 +126,7 @@ class _Shown:
     specs: dict[str, ObjectSpec] = field(default_factory=lambda: dict(OBJECTS))
     joints_rad: tuple[float, ...] | None = None
     opening_m: float = 0.0
+    poses: Mapping[str, tuple[Vector3, QuaternionWxyz]] = field(default_factory=dict)
     tween: _Tween | None = None
 
 
@@ -253,8 +254,10 @@ class SceneView:
         if self._shown.scene is None:
             raise SimError("update() before show(): the view does not know what stands where")
         joints_rad, opening_m = self._tweened(state)
+        if (joints_rad, opening_m) != (self._shown.joints_rad, self._shown.opening_m) or not self._shown.poses:
+            self._shown.poses = self._link_poses(joints_rad, opening_m)
         self._shown.joints_rad, self._shown.opening_m = joints_rad, opening_m
-        poses = self._link_poses(joints_rad, opening_m)
+        poses = self._shown.poses
         with server.atomic():
             for link, (position, wxyz) in poses.items():
                 node = self._nodes.get(f"/robot/{link}")
