@@ -40,7 +40,7 @@ MODULES = {
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
-        study.store study.writer study.fingerprint study.export
+        study.store study.writer study.fingerprint study.export study.statistics
     """,
     "pure": """
         app.messages
@@ -68,6 +68,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "viser": frozenset({"sim.scene"}),
     "sqlalchemy": frozenset({"study.store"}),
     "sqlite3": frozenset({"study.store"}),
+    "statsmodels": frozenset({"study.statistics"}),
 }
 
 PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_types", "tomli", "typing_extensions"})
