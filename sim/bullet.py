@@ -69,7 +69,8 @@ class BulletRobot:
     """A `Robot` with physics: objects are pushed, tip over, slip out of the fingers and miss the bin.
 
     `held` names the object that both fingers have touched for `TOUCH_SLICES` while commanded to close.
-    When the arm is pressed against something the command stands still (`lagging`) until a motion leads away from it.
+    When the arm is pressed against something, the rest of the tick's motion is dropped (`lagging`), unless it leads
+    away.
     """
 
     def __init__(self) -> None:
@@ -118,7 +119,10 @@ class BulletRobot:
         """
         self._world()
         verdict = ik.executable(self._target, command)
-        self._path = ik.waypoints(self._target, verdict, command.speed_m_s)[::-1]
+        moving = command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed)
+        # Reversed, so that the next waypoint is the cheap one to take.
+        self._path = ik.waypoints(self._target, verdict, command.speed_m_s)[::-1] if moving else []
+        self._lagging = False
         if command.gripper != "hold" and self._closing != (command.gripper == "close"):
             self._closing = command.gripper == "close"
             self._gripper_slices_left = fetch.GRIPPER_SLICES
@@ -134,8 +138,9 @@ class BulletRobot:
         self._gripper_slices_left = max(self._gripper_slices_left - 1, 0)
         before = self._target
         after = self._path.pop() if self._path else before
-        self._lagging = math.dist(self._gripper_world_m, before) > LAG_M
-        if self._lagging and math.dist(self._gripper_world_m, after) >= math.dist(self._gripper_world_m, before):
+        lag_m = math.dist(self._gripper_world_m, before)
+        if after is not before and lag_m > LAG_M and math.dist(self._gripper_world_m, after) >= lag_m:
+            self._lagging = True
             self._path.clear()
             after = before
         for part in range(1, TARGETS_PER_SLICE + 1):

@@ -46,6 +46,8 @@ Joints = tuple[float, float, float, float, float, float, float]
 WORKSPACE_LOW_M: Vector3 = (0.40, -0.62, 0.79)
 WORKSPACE_HIGH_M: Vector3 = (0.95, 0.62, 1.06)
 """The box that `gripper_link` never leaves: 6 cm above the table at the lowest."""
+ROUNDING_M = 1e-9
+"""Steps that add up to the box's edge but for rounding are within it."""
 ELBOW_RAD = (0.45, 2.20)
 """Away from the stretched and the folded arm, where a short way takes a joint long turns."""
 SAMPLE_M = 0.01
@@ -113,7 +115,12 @@ def solve(position_world_gripper_m: Vector3) -> tuple[Joints, int]:
     pan, lift, elbow, forearm_roll, wrist_flex, wrist_roll, bend = _posture(x_m, y_m, z_m, _NUMBERS)
     code = 0
     low, high = WORKSPACE_LOW_M, WORKSPACE_HIGH_M
-    if not (low[0] <= x_m <= high[0] and low[1] <= y_m <= high[1] and low[2] <= z_m <= high[2]):
+    slack_m = ROUNDING_M
+    if not (
+        low[0] - slack_m <= x_m <= high[0] + slack_m
+        and low[1] - slack_m <= y_m <= high[1] + slack_m
+        and low[2] - slack_m <= z_m <= high[2] + slack_m
+    ):
         code = _BOX
     elif bend > _MAX_STRETCH:
         code = _STRETCH
@@ -131,7 +138,8 @@ def solve_many(positions_world_gripper_m: FloatArray) -> tuple[FloatArray, NDArr
     points = np.asarray(positions_world_gripper_m, dtype=np.float64)
     x_m, y_m, z_m = points.T
     pan, lift, elbow, forearm_roll, wrist_flex, wrist_roll, bend = _posture(x_m, y_m, z_m, _ARRAYS)
-    inside = np.all((points >= WORKSPACE_LOW_M) & (points <= WORKSPACE_HIGH_M), axis=1)
+    low, high = np.array(WORKSPACE_LOW_M) - ROUNDING_M, np.array(WORKSPACE_HIGH_M) + ROUNDING_M
+    inside = np.all((points >= low) & (points <= high), axis=1)
     shoulder_ok = (
         (pan >= fetch.LOWER_RAD[0])
         & (pan <= fetch.UPPER_RAD[0])

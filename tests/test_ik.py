@@ -97,6 +97,17 @@ def test_stated_box_is_within_reach() -> None:
     assert ik.reachable(corners).all()
 
 
+def test_steps_that_add_up_to_the_edge_get_there() -> None:
+    here = (0.80, 0.0, ik.WORKSPACE_LOW_M[2] + 0.06)
+    down = steady((0.0, 0.0, -1.0), 0.04)
+    for _ in range(3):
+        verdict = ik.executable(here, down)
+        assert not verdict.blocked
+        here = ik.waypoints(here, verdict, down.speed_m_s)[-1]
+    assert here[2] == pytest.approx(ik.WORKSPACE_LOW_M[2], abs=1e-9)
+    assert ik.executable(here, down).blocked
+
+
 def test_a_straight_path_may_leave_the_reach_though_both_ends_are_within() -> None:
     left, right = (0.50, 0.45, 0.86), (0.50, -0.45, 0.86)  # across the hole straight ahead
     way = np.subtract(right, left)
