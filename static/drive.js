@@ -26,9 +26,9 @@ const NOTICE_MS = 7000;
 
 export class DriveView {
   constructor(context) {
-    const { socket, input, sound } = context;
+    const { socket, input, sound, session } = context;
     Object.assign(this, { context, socket, input, sound });
-    this.scene = new Scene({ socket });
+    this.scene = new Scene({ socket, session });
     this.page = null;
     this.key = null;
     this.tick = null;

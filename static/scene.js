@@ -1,6 +1,7 @@
 // The 3-D picture: viser's own client in a frame that cannot be touched or focused, our signs above it, and views.
 
 import { h, icon, setText } from "./dom.js";
+import { tab } from "./store.js";
 
 const SIGNS = {
   lost: "Connection lost. What you see is old; the robot stands still. Trying again.",
@@ -9,8 +10,9 @@ const SIGNS = {
 };
 
 export class Scene {
-  constructor({ socket }) {
+  constructor({ socket, session }) {
     this.socket = socket;
+    this.viewKey = `${session}:view`;
     this.frame = h("iframe", { class: "scene-frame", title: "The robot, the table and the bins", tabindex: "-1", inert: true, data: { testid: "scene-frame" } });
     this.signText = h("p", {});
     this.signIcon = h("span", { class: "scene-sign-icon" });
@@ -25,7 +27,11 @@ export class Scene {
     this._message = (event) => {
       if (event.source !== this.frame.contentWindow || event.data?.type !== "scene") return;
       this._sceneLost = !event.data.connected;
-      if (event.data.connected) this._drawn = true;
+      if (event.data.connected) {
+        this._drawn = true;
+        const view = tab.get(this.viewKey);
+        if (view) this.socket.send({ type: "view", name: view }); // a new scene starts with the first one
+      }
       this._update();
     };
     addEventListener("message", this._message);
@@ -56,11 +62,14 @@ export class Scene {
   }
 
   _drawViews(views) {
-    const buttons = views.map((view, index) => {
-      const button = h("button", { type: "button", class: "view", "aria-pressed": index === 0 ? "true" : "false", data: { testid: `view-${view.name}` } }, view.label);
+    const kept = tab.get(this.viewKey);
+    const shown = views.some((view) => view.name === kept) ? kept : views[0]?.name;
+    const buttons = views.map((view) => {
+      const button = h("button", { type: "button", class: "view", "aria-pressed": view.name === shown ? "true" : "false", data: { testid: `view-${view.name}` } }, view.label);
       button.addEventListener("click", () => {
         if (!this.socket.send({ type: "view", name: view.name })) return;
         for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+        tab.set(this.viewKey, view.name);
         this.socket.note("view_switched", { view: view.name });
         button.blur(); // Space and Enter go on to mean the gripper
       });

@@ -489,6 +489,10 @@ def test_the_drive_page_tells_what_to_do_and_what_is_happening(page: Page, lab: 
         page.get_by_test_id("state-sign").get_by_text(words, exact=True).wait_for()
     page.get_by_test_id("view-side").click()
     assert lab.wait_for(lambda message: message["type"] == "view")["name"] == "side"
+    mark = lab.mark()
+    page.reload()
+    assert lab.wait_for(lambda message: message["type"] == "view", after=mark)["name"] == "side", "kept over a reload"
+    assert page.get_by_test_id("view-side").get_attribute("aria-pressed") == "true"
 
 
 def test_paused_page_goes_on_when_the_participant_says_so(page: Page, lab: FakeLab) -> None:
