@@ -285,9 +285,9 @@ def simple_look(note: str | None = None) -> RobotLook:
         ),
         "torso_lift_link": merge(
             box((0.17, 0.3, 0.42), (-0.02, 0, 0.22), _WHITE, bevel_m=0.03),
-            box((0.2, 0.26, 0.09), (0.12, 0, 0.64), _CHARCOAL, bevel_m=0.02),
-            rod((0.05, 0, 0.4), (0.06, 0, 0.62), 0.04, _CHARCOAL),
+            rod((0.05, 0, 0.4), (0.06, 0, 0.6), 0.04, _CHARCOAL),
         ),
+        "head_pan_link": box((0.2, 0.26, 0.09), (0.07, 0, 0.04), _CHARCOAL, bevel_m=0.02),
         "shoulder_pan_link": capsule((0, 0, 0.02), (0.117, 0, 0.06), 0.055, _WHITE),
         "shoulder_lift_link": capsule((0, 0, 0), (0.219, 0, 0), 0.052, _BLUE),
         "upperarm_roll_link": capsule((0, 0, 0), (0.133, 0, 0), 0.048, _WHITE),

@@ -55,7 +55,7 @@ VIEWS: Mapping[str, View] = {
     for view in (
         # From over the robot's right shoulder: its left is the picture's left, forward is up, and the elbow, which
         # hides the gripper from straight behind, stands aside.
-        View("overview", "Whole table", (-0.03, -0.66, 2.38), (0.63, 0.0, 0.6), float(np.radians(42)), head=False),
+        View("overview", "Whole table", (-0.03, -0.66, 2.38), (0.65, 0.0, 0.63), float(np.radians(39.5)), head=False),
         View("side", "From the side", (0.84, -1.85, 1.32), (0.6, 0.0, 0.76), float(np.radians(46))),
         View("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), float(np.radians(44)), head=False),
     )
@@ -329,8 +329,11 @@ class SceneView:
         scene = self._shown.scene
         if scene is None:
             return 0.0
-        if scene.table.covers(x_m, y_m):
-            return scene.table.top_z_m
+        # The arm starts right above the table's edge: a centimetre keeps the line from flickering between heights.
+        table = scene.table
+        off_m = (abs(x_m - table.center_world_m[0]), abs(y_m - table.center_world_m[1]))
+        if off_m[0] <= table.size_m[0] / 2.0 + 0.01 and off_m[1] <= table.size_m[1] / 2.0 + 0.01:
+            return table.top_z_m
         inside = any(target.distance_m(x_m, y_m) == 0.0 for target in scene.bins)
         return 0.004 if inside else 0.0
 
