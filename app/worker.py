@@ -42,7 +42,6 @@ from app.worker_messages import (
     WorkerSpec,
 )
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
-from sim.objects import OBJECTS
 
 if TYPE_CHECKING:
     from sim.scene import SceneView
@@ -122,7 +121,7 @@ class Worker:
             if self._spec.pace == "lockstep" and self._running and not command.beat and not self._engine.finished:
                 self._lockstep_tick()
         elif isinstance(command, Begin):
-            self._hands.drop()
+            self._hands.forget_presses()  # what is held down now still counts
             self._running = True
             self._pacer.start(max(now_s, self._tick_ends_s))
         elif isinstance(command, Hold):
@@ -206,7 +205,7 @@ class Worker:
             return
         if self._scene_cycle != self._engine.cycle:
             self._scene_cycle = self._engine.cycle
-            self._scene.show(self._engine.scene, self._engine.delivered, specs=tuple(OBJECTS.values()))
+            self._scene.show(self._engine.scene, self._engine.delivered)
         elif ended is not None:
             return
         self._scene.update(self._engine.world, self._engine.delivered)
