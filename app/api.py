@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import itertools
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
-from fastapi.responses import FileResponse
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, Response
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
@@ -158,19 +160,33 @@ def lab_of(request: Request) -> Lab:
     return lab
 
 
-def experimenter(request: Request, lab: Annotated[Lab, Depends(lab_of)]) -> str:
+def experimenter(request: Request) -> str:
     """Lets only the experimenter through."""
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
-    if scheme.lower() != "bearer" or not lab.is_experimenter(token.strip()):
+    if scheme.lower() != "bearer" or not lab_of(request).is_experimenter(token.strip()):
         raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
     return "experimenter"
+
+
+class ExperimenterRoute(APIRoute):
+    """Asks who it is before it reads what was sent: to a stranger every request is answered alike."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler behind the check."""
+        handle = super().get_route_handler()
+
+        async def checked(request: Request) -> Response:
+            experimenter(request)
+            return await handle(request)
+
+        return checked
 
 
 Experimenter = Annotated[str, Depends(experimenter)]
 TheLab = Annotated[Lab, Depends(lab_of)]
 
 public = APIRouter(prefix="/api", tags=["open"])
-private = APIRouter(prefix="/api", tags=["experimenter"])
+private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
 
 
 @public.get("/health")
@@ -196,7 +212,8 @@ async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
     try:
         return evaluate_request(body, calibration.alpha if calibration else 0.0)
     except AutonomyError as error:
-        raise HTTPException(422, str(error)) from None
+        problem = {"type": "value_error", "loc": ("body", str(error).split()[0]), "msg": str(error)[:300]}
+        raise RequestValidationError([problem]) from None
 
 
 @private.post("/participants", status_code=201)

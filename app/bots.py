@@ -16,7 +16,7 @@ from urllib.parse import urljoin, urlsplit
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from app.config import LabError
 from app.messages import (
@@ -42,7 +42,10 @@ from app.pilot import Pilot, Sight
 from app.trial import OperatorInput
 
 ANSWER_WITHIN_S = 60.0
-MAX_TICKS = 100_000
+MAX_PHASE_TICKS = 3000
+"""A trial takes a few hundred ticks; after this many the bot is stuck and says so."""
+BACK_OUT_TICKS = 6
+"""Where the arm can go no further, the bot moves it forward this far and tries again."""
 
 
 class BotError(LabError):
@@ -79,7 +82,7 @@ async def enter(url: str) -> Entrance:
     try:
         async with httpx.AsyncClient(trust_env=False) as client:
             response = await client.get(url)
-    except httpx.HTTPError as error:
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
         raise BotError(f"{url.rsplit('/', 1)[0]}/…: {type(error).__name__}: {error}") from None
     if response.status_code != 303:
         raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
@@ -95,18 +98,28 @@ class Wire:
         self._numbers = itertools.count(1)
 
     async def send(self, message: Message) -> None:
-        """Send one message."""
-        await self._connection.send(message.model_dump_json())
+        """Send one message. Raises `BotError` when the lab is gone."""
+        await self.send_raw(message.model_dump_json())
+
+    async def send_raw(self, frame: str | bytes) -> None:
+        """Send a frame as it is. Raises `BotError` when the lab is gone."""
+        try:
+            await self._connection.send(frame)
+        except ConnectionClosed as closed:
+            raise BotError(f"the lab closed the connection: {closed}") from None
 
     async def receive(self) -> Message:
-        """The next message of the lab. Raises `BotError` when it stays silent."""
+        """The next message of the lab. Raises `BotError` when it stays silent or is gone."""
+        return SERVER_MESSAGE.validate_json(await self.receive_raw())
+
+    async def receive_raw(self) -> str | bytes:
+        """The next frame of the lab as it is. Raises `BotError` when it stays silent or is gone."""
         try:
-            text = await asyncio.wait_for(self._connection.recv(), ANSWER_WITHIN_S)
+            return await asyncio.wait_for(self._connection.recv(), ANSWER_WITHIN_S)
         except asyncio.TimeoutError:
             raise BotError(f"the lab said nothing for {ANSWER_WITHIN_S:g} s") from None
         except ConnectionClosed as closed:
             raise BotError(f"the lab closed the connection: {closed}") from None
-        return SERVER_MESSAGE.validate_json(text)
 
     async def submit(self, step: str, data: Mapping[str, Any]) -> str:
         """Submit a step; returns the message's id."""
@@ -123,7 +136,11 @@ class Wire:
 async def open_wire(entrance: Entrance, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
     """Connect and say hello."""
     headers = {"Cookie": entrance.cookie}
-    async with connect(entrance.socket_url, additional_headers=headers, compression=None, proxy=None) as connection:
+    try:
+        connection = await connect(entrance.socket_url, additional_headers=headers, compression=None, proxy=None)
+    except (InvalidHandshake, OSError) as error:
+        raise BotError(f"the lab did not open a socket: {error}") from None
+    async with connection:
         wire = Wire(connection)
         await wire.send(Hello(protocol=PROTOCOL_VERSION, client=name, telemetry=telemetry))
         yield wire
@@ -204,6 +221,9 @@ class Bot:
         self._page: Page | None = None
         self._ready = False
         self._seq = 0
+        self._phase_ticks = 0
+        self._blocked_ticks = 0
+        self._backing_ticks = 0
         self._pending: dict[str, str] = {}
         self._wrong_tries: dict[str, int] = {}
         self._given_up: set[str | None] = set()
@@ -248,6 +268,7 @@ class Bot:
         self.report.pages.append(page.state)
         self._say(page.state + (f" (trial {page.trial} of {page.trials})" if page.trial else ""))
         self._ready = False
+        self._phase_ticks = 0
         if page.state == "instructions":
             await self._answer_questions()
         else:
@@ -271,8 +292,12 @@ class Bot:
     async def _on_tick(self, tick: Tick) -> None:
         self.report.ticks += 1
         self._instruction = tick.instruction
-        if self.report.ticks > MAX_TICKS:
-            raise BotError(f"gave up after {MAX_TICKS} ticks")
+        self._phase_ticks += 1
+        if self._phase_ticks > MAX_PHASE_TICKS:
+            raise BotError(f"gave up after {MAX_PHASE_TICKS} ticks in one trial, at: {tick.instruction.text}")
+        self._blocked_ticks = self._blocked_ticks + 1 if tick.blocked else 0
+        if self._blocked_ticks >= 3:
+            self._blocked_ticks, self._backing_ticks = 0, BACK_OUT_TICKS
         if self._panel is not None:
             self.report.alerts += await self._panel.catch_up()
         if tick.status != "finished":
@@ -286,6 +311,9 @@ class Bot:
             release_m = world.bins_m[task.bin] if task.bin else self._release(world, task)
             sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
             act = self._pilot.act(task.object, sight)
+            if self._backing_ticks and act.gripper is None:
+                self._backing_ticks -= 1
+                act = OperatorInput((1, 0, 0))
         self._seq += 1
         await self._wire.send(Input(seq=self._seq, client_ms=0.0, direction=act.direction, gripper=act.gripper))
 

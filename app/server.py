@@ -25,6 +25,8 @@ STATIC = Path(__file__).resolve().parent.parent / "static"
 COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}
 """One each: on one machine the path of the panel is below that of the participant's page."""
 COOKIE_MAX_AGE_S = 30 * 24 * 3600
+MAX_BODY_BYTES = 1_000_000
+"""No request needs more; larger ones are refused before they are read."""
 
 SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -80,10 +82,20 @@ def _add_errors(app: FastAPI) -> None:
 
     @app.middleware("http")
     async def secure(request: Request, call_next: Any) -> Response:
-        response: Response = await call_next(request)
+        response: Response = _too_large(request) or await call_next(request)
         for name, value in SECURITY_HEADERS.items():
             response.headers.setdefault(name, value)
         return response
+
+
+def _too_large(request: Request) -> Response | None:
+    """The answer to a request that says it is too large, or does not say how large it is."""
+    length = request.headers.get("content-length", "0")
+    if "transfer-encoding" in request.headers:
+        return JSONResponse({"detail": "the request must say its Content-Length"}, 411)
+    if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
+        return JSONResponse({"detail": f"the request is larger than {MAX_BODY_BYTES} bytes"}, 413)
+    return None
 
 
 def _page(name: str, status: int = 200) -> Response:
@@ -163,9 +175,16 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
             return None
         return await lab.session(holder[0])
 
+    places = sockets.Places(lab.config.max_sockets_per_session)
+
     async def converse(websocket: WebSocket, public_id: str, role: Role) -> None:
         session = await admitted(websocket, public_id, role)
-        if session is not None:
+        if session is None:
+            return
+        with places.take(public_id) as is_free:
+            if not is_free:
+                await websocket.close(1013)
+                return
             await websocket.accept()
             await sockets.serve(websocket, session, role)
 
@@ -182,7 +201,8 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
         session = await admitted(websocket, public_id, "participant")
         if session is None:
             return
-        if session.scene_port is None:
-            await websocket.close(1013)
-            return
-        await proxy_scene(websocket, session.scene_port)
+        with places.take(public_id) as is_free:
+            if session.scene_port is None or not is_free:
+                await websocket.close(1013)
+                return
+            await proxy_scene(websocket, session.scene_port)

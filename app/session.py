@@ -49,6 +49,8 @@ log = logging.getLogger(__name__)
 
 Source = Literal["participant", "experimenter", "lab", "robot"]
 OVERRUN_MS = 50.0
+MAX_SEQ_STEP = 1_000_000
+"""Inputs may be numbered with gaps, but one number must not use up all that come after it."""
 
 
 @dataclass
@@ -114,6 +116,10 @@ class LiveSession:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
+        while not self._queue.empty():
+            waiting = self._queue.get_nowait().done
+            if waiting is not None:
+                waiting.cancel()
         await self._stop_worker()
         self._audience.end()
 
@@ -163,20 +169,25 @@ class LiveSession:
             work = await self._queue.get()
             try:
                 await handlers[work.kind](work)
-                if work.done is not None and not work.done.cancelled():
+                if work.done is not None and not work.done.done():
                     work.done.set_result(None)
             except Exception as error:
                 self._could_not(work, error)
 
     def _could_not(self, work: _Work, error: Exception) -> None:
         """Something went wrong with one piece of work; the session goes on with the next."""
-        if work.done is not None and not work.done.cancelled():
-            work.done.set_exception(error)
+        if work.done is not None:
+            if not work.done.done():
+                work.done.set_exception(error)
             return
         log.error("session %s: %s failed", self.enrolment.participant, work.kind, exc_info=error)
         if work.client is not None:
             text = "the lab could not deal with this; nothing was lost, please try again"
             refuse(work.client, "internal", None, text, getattr(work.payload, "id", None))
+        if work.kind == "report" and work.payload[0] == self._worker_epoch and self._worker is not None:
+            # A tick that is not on disk did not happen: the worker is ended and the next one starts from the record.
+            self._worker_ready = False
+            self._worker.kill()
 
     # ---- connections --------------------------------------------------------------------------------------------
 
@@ -221,10 +232,15 @@ class LiveSession:
         elif isinstance(message, Heartbeat):
             self.vitals.visible, self.vitals.focused = message.visible, message.focused
             self.vitals.device = message.device
-            away = self._distractor.locked(self._trial_s)
-            self._send_worker(Hands(message.seq, None if away else message.direction, beat=True))
-        elif message.seq <= self._last_seq:
-            text = f"seq {message.seq} is not above {self._last_seq}, the last one taken; it was ignored"
+            if self.enrolment.pace == "real_time":
+                # It repeats an input, so it cannot be ahead of the last one: that one was lost with the connection.
+                seq = min(message.seq, self._last_seq)
+                self._send_worker(Hands(seq, None if self._is_away() else message.direction, beat=True))
+        elif not self._last_seq < message.seq <= self._last_seq + MAX_SEQ_STEP:
+            text = (
+                f"seq {message.seq} does not follow {self._last_seq}, the last one taken "
+                f"(at most {MAX_SEQ_STEP} may be left out); it was ignored"
+            )
             refuse(client, "out_of_order", "seq", text)
         else:
             self._last_seq = message.seq
@@ -235,22 +251,38 @@ class LiveSession:
             text = f"no tick can run in state {self.session.state!r} now; the input was ignored"
             refuse(client, "illegal", "type", text)
             return
-        away = self._distractor.locked(self._trial_s)
-        direction, pressed = (None, None) if away else (message.direction, message.gripper)
+        direction, pressed = (None, None) if self._is_away() else (message.direction, message.gripper)
         self._send_worker(Hands(message.seq, direction, pressed))
+
+    def _is_away(self) -> bool:
+        """Whether the pad is ignored at the start of the tick that the hands of this moment are for.
+
+        In real time that is the tick after the running one, so that not even the first tick of a reading is driven.
+        """
+        if self.session.place != "trial":
+            return False
+        runs = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.held
+        start_s = self._trial_s + TICK_S if runs else self._trial_s
+        then, _ = self._distractor.advance(start_s, lambda number: "")
+        return then.locked(start_s)
 
     # ---- messages -----------------------------------------------------------------------------------------------
 
     async def _on_message(self, work: _Work) -> None:
         client, message = _present(work.client), work.payload
+        if not self._audience.holds(client):
+            return  # taken over: it has been told, and its socket is about to close
         if isinstance(message, Submit):
             await self._on_submit(client, message)
         elif isinstance(message, Note):
-            data = {"role": client.role, **message.data}
+            data = {**message.data, "role": client.role}
             event = self._event(message.name, "participant", data)
             await self._commit(submission=message.id, events=(event,))
             acknowledge(client, message.id)
         elif isinstance(message, View):
+            if client.role != "participant":
+                refuse(client, "illegal", "type", "the second device shows no robot")
+                return
             if message.name not in dict(pages.VIEWS):
                 refuse(client, "invalid", "name", f"no view {message.name!r}; there are {list(dict(pages.VIEWS))}")
                 return
@@ -315,6 +347,9 @@ class LiveSession:
         )
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
+        placement = self._around.study.distractor.placement
+        if client.role != ("panel" if placement == "second_device" else "participant"):
+            raise Refused("illegal", ("step", f"in this study readings are shown and logged on: {placement}"))
         data, utc = parse(AlertData, message.data), self._around.now_utc()
         if self._distractor.alert(data.alert) is None:
             raise Refused("invalid", ("data.alert", f"no reading {data.alert} has been shown in this trial"))
@@ -346,12 +381,17 @@ class LiveSession:
 
     async def _on_report(self, work: _Work) -> None:
         epoch, report = work.payload
-        if epoch != self._worker_epoch:
-            return  # of a worker that has been stopped
+        if epoch != self._worker_epoch or (isinstance(report, Ticked) and not self._worker_ready):
+            return  # of a worker that has been stopped, or is being replaced
         if isinstance(report, Ready):
             await self._on_ready(report)
         elif isinstance(report, Ticked):
-            await self._on_ticked(report)
+            before = self._tick, self._trial_s, self._distractor, self.view, self._world
+            try:
+                await self._on_ticked(report)
+            except Exception:
+                self._tick, self._trial_s, self._distractor, self.view, self._world = before
+                raise
         elif isinstance(report, HoldChanged):
             self.held = report.held
             kind = "robot_held" if report.held else "robot_released"
@@ -500,9 +540,16 @@ class LiveSession:
         if waiting is not None and submission is not None:
             acknowledge(waiting, submission)
         await self._carry_out(effects)
+        if after.worker and after.state != "paused" and self._worker is None:
+            await self._replace_worker(*after.worker)
         if after != before:
             self._audience.show_page(self._page(), after)
             self._audience.show_status(self._status())
+
+    async def _replace_worker(self, kind: WorkerKind, trial: int) -> None:
+        """Another try after the experimenter let a session go on whose worker had ended too often."""
+        self._restarts = 0
+        await self._start_worker(kind, trial)
 
     async def _carry_out(self, effects: tuple[protocol.Effect, ...]) -> None:
         for effect in effects:
@@ -514,10 +561,7 @@ class LiveSession:
                 self.held = False
                 self._send_worker(Hold())
             elif isinstance(effect, (BeginTicks, ResumeTicks)):
-                if self._worker is None and self.session.worker is not None:
-                    self._restarts = 0
-                    await self._start_worker(*self.session.worker)
-                self._send_worker(Begin())
+                self._send_worker(Begin())  # one that is not up yet begins when it is
 
     # ---- the record ---------------------------------------------------------------------------------------------
 

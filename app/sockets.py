@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
+import re
+from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,6 +19,7 @@ from app.session import LiveSession
 from app.surroundings import Role
 
 HELLO_WITHIN_S = 10.0
+CLOSE_WITHIN_S = 2.0
 MAX_QUEUED = 1000
 """A page that lets this many messages pile up is cut off; it comes back and gets the present state."""
 
@@ -29,29 +33,55 @@ class SocketClient:
         self.telemetry = hello.telemetry
         self._websocket = websocket
         self._outgoing: asyncio.Queue[Message | None] = asyncio.Queue(MAX_QUEUED)
-        self._overrun = False
+        self._overrun = asyncio.Event()
 
     def deliver(self, message: Message) -> None:
         """Queue a message."""
         try:
             self._outgoing.put_nowait(message)
         except asyncio.QueueFull:
-            self._overrun = True
+            self._overrun.set()
 
     def end(self) -> None:
         """Close once everything queued is sent."""
-        with contextlib.suppress(asyncio.QueueFull):
+        try:
             self._outgoing.put_nowait(None)
+        except asyncio.QueueFull:
+            self._overrun.set()
 
     async def send_all(self) -> None:
         """Send what is queued until told to end."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            while not self._overrun:
-                message = await self._outgoing.get()
-                if message is None:
-                    break
+            while (message := await self._outgoing.get()) is not None:
                 await self._websocket.send_text(message.model_dump_json())
-            await self._websocket.close(1013 if self._overrun else 1000)
+            await self._websocket.close(1000)
+
+    async def cut_off(self) -> None:
+        """Returns once the page has let so much pile up that it is not worth waiting for."""
+        await self._overrun.wait()
+
+
+class Places:
+    """How many sockets each session has open. One participant with many tabs must not use up the lab."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._open: dict[str, int] = {}
+
+    @contextlib.contextmanager
+    def take(self, public_id: str) -> Iterator[bool]:
+        """A place for as long as the block runs; False when all are taken."""
+        taken = self._open.get(public_id, 0)
+        if taken >= self._limit:
+            yield False
+            return
+        self._open[public_id] = taken + 1
+        try:
+            yield True
+        finally:
+            self._open[public_id] -= 1
+            if not self._open[public_id]:
+                del self._open[public_id]
 
 
 def same_origin(websocket: WebSocket, public_url: str | None) -> bool:
@@ -75,13 +105,18 @@ async def serve(websocket: WebSocket, session: LiveSession, role: Role) -> None:
     session.attach(client)
     sending = asyncio.create_task(client.send_all())
     receiving = asyncio.create_task(_receive_all(websocket, session, client))
+    cut_off = asyncio.create_task(client.cut_off())
+    tasks = (sending, receiving, cut_off)
     try:
-        await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         session.detach(client)
-        for task in (sending, receiving):
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(sending, receiving, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
+    if not cut_off.cancelled():
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, asyncio.TimeoutError):
+            await asyncio.wait_for(websocket.close(1013), CLOSE_WITHIN_S)
 
 
 async def _hello(websocket: WebSocket) -> Hello:
@@ -131,18 +166,57 @@ def parse(text: str | bytes) -> Message:
         data = json.loads(text)
     except (ValueError, RecursionError):
         return Error(code="malformed", field=None, message="the message is not JSON")
-    identifier = data.get("id") if isinstance(data, dict) and isinstance(data.get("id"), str) else None
+    identifier = data.get("id") if isinstance(data, dict) else None
+    if not isinstance(identifier, str) or not _IDENTIFIER.fullmatch(identifier):
+        identifier = None
+    unsound = _unsound(data)
+    if unsound is not None:
+        field, problem = unsound
+        return Error(code="invalid", field=field, message=problem, id=identifier)
     try:
         message: Any = CLIENT_MESSAGE.validate_python(data)
-    except (ValidationError, RecursionError) as error:
+    except ValidationError as error:
         return _refusal(error, identifier)
     return message  # type: ignore[no-any-return]
 
 
-def _refusal(error: ValidationError | RecursionError, identifier: str | None) -> Error:
-    if isinstance(error, RecursionError):
-        return Error(code="malformed", field=None, message="the message is nested too deeply", id=identifier)
+_IDENTIFIER = re.compile(r"[A-Za-z0-9._:-]{1,64}")
+MAX_DEPTH = 20
+MAX_FIELD_CHARACTERS = 200
+
+
+def _unsound(data: Any) -> tuple[str, str] | None:
+    """Where and why a message could not be kept as it is: Python reads more than JSON may say."""
+    waiting: list[tuple[str, Any, int]] = [("", data, 0)]
+    while waiting:
+        place, value, depth = waiting.pop()
+        if depth > MAX_DEPTH:
+            return place, f"is nested too deeply; at most {MAX_DEPTH} levels are taken"
+        if isinstance(value, float) and not math.isfinite(value):
+            return place, "must be a finite number"
+        if isinstance(value, str) and not _is_unicode(value):
+            return place, "must be Unicode text"
+        if isinstance(value, (list, dict)):
+            items = value.items() if isinstance(value, dict) else enumerate(value)
+            for key, item in items:
+                if isinstance(key, str) and not _is_unicode(key):
+                    return place or "type", "names of fields must be Unicode text"
+                name = f"{place}.{key}" if place else str(key)
+                waiting.append((name[:MAX_FIELD_CHARACTERS], item, depth + 1))
+    return None
+
+
+def _is_unicode(text: str) -> bool:
+    """False for halves of surrogate pairs, which no database and no other program takes."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _refusal(error: ValidationError, identifier: str | None) -> Error:
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     place = [str(part) for part in first["loc"]]
     field = ".".join(place[1:] if len(place) > 1 else place) or "type"
-    return Error(code="invalid", field=field, message=str(first["msg"]), id=identifier and identifier[:64])
+    return Error(code="invalid", field=field[:MAX_FIELD_CHARACTERS], message=str(first["msg"])[:500], id=identifier)

@@ -45,6 +45,9 @@ class WorkerHandle(Protocol):
     async def stop(self) -> None:
         """End it and wait for it."""
 
+    def kill(self) -> None:
+        """End it at once; its exit is reported."""
+
 
 @dataclass(frozen=True)
 class Enrolment:
