@@ -340,6 +340,9 @@ def test_closing_on_nothing_holds_nothing_and_opening_grasps_again(robot: Robot)
     for target in way_in(ARC, grasp):
         drive(robot, target)
     assert move_gripper(robot, "close").held == "wipes_tub"
+    for _ in range(2):
+        _, state = run_tick(robot, still())
+    assert not state.objects[0].settled  # held still is not settled
     assert move_gripper(robot, "open").held is None
 
 
