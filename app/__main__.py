@@ -52,12 +52,35 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("--out", type=Path, required=True, help="folder to write into")
     export.set_defaults(run=_export)
 
+    _add_simulate(commands)
+
     bot = commands.add_parser("bot", help="complete a whole study over a participant's link")
     bot.add_argument("--url", required=True, help="a participant's link")
     bot.add_argument("--panel-url", default=None, help="the second device's link, if the study uses one")
     bot.add_argument("--quiet", action="store_true", help="no progress")
     bot.set_defaults(run=_bot)
     return parser
+
+
+def _add_simulate(commands) -> None:  # type: ignore[no-untyped-def]
+    simulate = commands.add_parser(
+        "simulate",
+        help="run a study with simulated participants",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    simulate.add_argument("--participants", type=int, default=12, help="how many")
+    simulate.add_argument("--seed", type=int, default=7, help="of everything random")
+    simulate.add_argument("--robot", choices=("kinematic", "bullet"), default="kinematic", help="which robot moves")
+    simulate.add_argument(
+        "--preset",
+        choices=("paper", "lab", "fitted"),
+        default="lab",
+        help="coefficients the paper leaves open: 1 per metre, the lab's, or as fitted to the paper's teleoperation",
+    )
+    simulate.add_argument("--study", type=Path, default=None, help="study file; the paper's study if not given")
+    simulate.add_argument("--workers", type=int, default=1, help="processes; the data are the same for any number")
+    simulate.add_argument("--out", type=Path, required=True, help="folder to write into, laid out as by `salab export`")
+    simulate.set_defaults(run=_simulate)
 
 
 def _port(text: str) -> int:
@@ -157,6 +180,14 @@ def _export(options: argparse.Namespace) -> None:
     with open_store(options.data, must_exist=True) as store:
         export(store, options.out)
     print(f"exported to {options.out}")
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    from app.simulate import make_plan, simulate
+
+    plan = make_plan(options.seed, options.robot, options.preset, options.study)
+    rows = simulate(plan, options.participants, options.workers, options.out, options.preset)
+    print(f"{options.participants} simulated participants, {rows['ticks']} ticks: {options.out}")
 
 
 def _bot(options: argparse.Namespace) -> None:

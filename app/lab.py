@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import secrets
 import time
 from collections.abc import Callable, Mapping
@@ -24,7 +23,7 @@ from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
-from study.records import StudyError, TrialRow
+from study.records import StudyError
 from study.store import Store, StoredSession, open_store
 from study.writer import AsyncStore
 
@@ -231,7 +230,7 @@ class Lab:
             labels=setup.labels(),
             start_worker=self._start_worker,
             make_spec=lambda kind, trial: self._worker_spec(enrolment, setup, kind, trial),
-            trial_row=lambda trial: _trial_row(enrolment, setup, trial),
+            trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             now_unix_s=self._now_unix_s,
             panel_link=lambda: self._panel_link(stored.participant),
         )
@@ -305,24 +304,6 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
-    )
-
-
-def _trial_row(enrolment: Enrolment, setup: StudySetup, trial: int) -> TrialRow:
-
-    drawn = enrolment.plan.trial(trial)
-    return TrialRow(
-        participant=enrolment.participant,
-        condition=drawn.condition,
-        trial=trial,
-        layout=setup.layout.name,
-        placement=json.dumps(drawn.placement),
-        parameters=json.dumps(setup.parameters_json(drawn.condition)),
-        outcome="running",
-        ticks=0,
-        overruns=0,
-        started_utc=None,
-        finished_utc=None,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from sim.layouts import LAYOUTS, Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from sim.objects import OBJECTS, PRACTICE_OBJECT
 from study.design import SessionPlan, Study
+from study.records import TrialRow
 
 CALIBRATION_SEED = 2020
 """Fixed, so that every lab that runs the same study file gets the same alpha."""
@@ -84,6 +86,23 @@ class StudySetup:
                 settle_timeout_ticks=settings.settle_timeout_ticks,
                 reset_ticks=settings.reset_ticks,
             ),
+        )
+
+    def trial_row(self, participant: str, plan: SessionPlan, trial: int) -> TrialRow:
+        """The trial's row as it begins."""
+        drawn = plan.trial(trial)
+        return TrialRow(
+            participant=participant,
+            condition=drawn.condition,
+            trial=trial,
+            layout=self.layout.name,
+            placement=json.dumps(drawn.placement),
+            parameters=json.dumps(self.parameters_json(drawn.condition)),
+            outcome="running",
+            ticks=0,
+            overruns=0,
+            started_utc=None,
+            finished_utc=None,
         )
 
     def parameters_json(self, condition_id: str) -> dict[str, Any]:

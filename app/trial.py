@@ -45,6 +45,7 @@ from app.trial_values import (
     TrialView,
 )
 from app.trial_values import inputs_of as inputs_of
+from sim.clearance import clear
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -106,6 +107,7 @@ class TrialEngine:
         self._loose_ticks = 0
         self._pending: _Tick | None = None
         self._world: WorldState | None = None
+        self._is_open = False
 
     # ---- what callers may look at -------------------------------------------------------------------------------
 
@@ -113,7 +115,9 @@ class TrialEngine:
     def world(self) -> WorldState:
         """The world after the last slice."""
         if self._world is None:
-            raise RuntimeError("the engine is not open; call open() first")
+            if not self._is_open:
+                raise RuntimeError("the engine is not open; call open() first")
+            self._world = self._robot.observe()
         return self._world
 
     @property
@@ -170,6 +174,7 @@ class TrialEngine:
 
     def open(self) -> None:
         """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first."""
+        self._is_open = True
         self._enter_cycle(reset=self._start.first_tick > 0)
 
     def tick(self, operator: OperatorInput = NO_INPUT) -> TickResult:
@@ -201,7 +206,7 @@ class TrialEngine:
     def advance(self) -> None:
         """One slice of physics."""
         self._robot.advance()
-        self._world = self._robot.observe()
+        self._world = None  # observed when somebody looks
 
     def end(self) -> TickResult:
         """Judge what happened and hand over the tick's row."""
@@ -287,9 +292,10 @@ class TrialEngine:
         return _Tick(self._row(operator, source, user, chosen, None), segments, verdict, action)
 
     def _feasible(self, model: TransitionModel) -> np.ndarray:
-        """Which of the 27 actions the arm can do from here, shape (27,)."""
+        """Which of the 27 actions the arm can do from here without pushing anything over, shape (27,)."""
         reach_m = self.setup.timing.speed_m_s * TICK_S
-        return self._robot.feasible(reach_m / model.step_m * model.displacements(self._momentum))
+        ways_m = reach_m / model.step_m * model.displacements(self._momentum)
+        return self._robot.feasible(ways_m) & clear(self.world, self.scene, ways_m)
 
     def _row(
         self,

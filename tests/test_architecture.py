@@ -36,7 +36,8 @@ MODULES = {
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
         app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.cycles
-        app.planning app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
+        app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
+        app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
@@ -46,7 +47,7 @@ MODULES = {
         app.messages
         app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief app.autonomy.calibration
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
-        sim.interface sim.fetch sim.ik sim.objects sim.layouts
+        sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.instruments study.records study.measures
     """,

@@ -1,0 +1,210 @@
+"""`salab simulate`: N simulated participants, spread over processes, resumable, exported like a real study.
+
+Participant k depends on the seed and k alone, never on the others or on who runs them: any number of workers, and any
+number of interruptions, leave the same bytes. Finished participants wait in `OUT.part/`, one folder each, until all
+are done; then `OUT` is written and the folder goes.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from app.config import LabError
+from app.console import ProgressBar
+from app.participants import Population
+from app.parts import ROBOTS, make_robot
+from app.planning import StudySetup, study_setup
+from app.simulation import Case, Record, simulate_participant
+from app.variants import changed_study, fitted_population, known_layouts, open_study, preset_changes
+from sim.objects import STUDY_OBJECTS
+from study.design import Study, orders, parse_study
+from study.export import write_tables
+from study.fingerprint import machine_fingerprint
+from study.records import SCHEMA_VERSION, TABLES
+
+MAX_PARTICIPANTS = 9999
+MAX_WORKERS = 256
+MAX_SEED = 2**63 - 1
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is simulated. `study_text` is the whole study file, changes included."""
+
+    study_text: str
+    seed: int
+    robot: str = "kinematic"
+    population: Population = field(default_factory=Population)
+
+    def case(self, index: int) -> Case:
+        """Participant `index`, from 0: orders in turn, so that every six fill the counterbalancing once."""
+        setup = _setup(self.study_text)
+        choices = orders(setup.study)
+        return Case(setup, index, participant_seed(self.seed, index), choices[index % len(choices)], self.population)
+
+    def run(self, index: int) -> Record:
+        """Simulate that participant."""
+        return simulate_participant(self.case(index), partial(make_robot, self.robot))
+
+    def settings(self) -> dict[str, Any]:
+        """Everything the bytes depend on, for the record and for resuming."""
+        return {
+            "seed": self.seed,
+            "robot": self.robot,
+            "study": _setup(self.study_text).study.hash,
+            "population": {"means": dict(self.population.means), "spread_scale": self.population.spread_scale},
+            "schema_version": SCHEMA_VERSION,
+        }
+
+
+@lru_cache(maxsize=8)
+def _setup(study_text: str) -> StudySetup:
+    """The study of that text, calibrated; once a process."""
+    return study_setup(parse_study(study_text, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS)))
+
+
+def make_plan(seed: int, robot: str, preset: str, study_file: Path | None = None) -> Plan:
+    """The study with a preset's coefficients and the fitted population. Raises `LabError`, `StudyFileError`."""
+    if robot not in ROBOTS:
+        raise LabError(f"no robot {robot!r}; robots are {', '.join(ROBOTS)}")
+    if not 0 <= seed <= MAX_SEED:
+        raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
+    study: Study = changed_study(open_study(study_file), preset_changes(preset))
+    return Plan(study.source_text, seed, robot, fitted_population())
+
+
+def participant_seed(seed: int, index: int) -> int:
+    """The seed of participant `index`: 48 bits, as the lab draws for real ones."""
+    state = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
+    return int(state[0] >> np.uint64(16))
+
+
+def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset: str) -> dict[str, int]:
+    """Simulate and export; rows per table. Raises `LabError` and `study.export.ExportError`."""
+    check_count("participants", participants, MAX_PARTICIPANTS)
+    check_count("workers", workers, MAX_WORKERS)
+    check_free(out_dir)
+    parts = _Parts(out_dir.with_name(out_dir.name + ".part"), plan)
+    missing = [index for index in range(participants) if not parts.has(index)]
+    bar = ProgressBar("participants", participants, participants - len(missing))
+    try:
+        for _ in run_jobs(parts.make, missing, workers):
+            bar.step()
+    finally:
+        bar.close()
+    meta = {
+        "machines": [machine_fingerprint()],
+        "erased_participants": 0,
+        "simulated": {"participants": participants, "preset": preset, **plan.settings()},
+    }
+    tables = {table: parts.rows(table, participants) for table in TABLES}
+    studies = {_setup(plan.study_text).study.hash: plan.study_text}
+    counts = write_tables(out_dir, tables, studies=studies, meta=meta)
+    parts.remove()
+    return counts
+
+
+def run_jobs(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Result]]:
+    """(job, result) as they are done: here, or in so many processes. What fails here fails the whole."""
+    # Small matrices: threads inside a process only get into each other's way. Children inherit the setting.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if workers == 1 or len(jobs) <= 1:
+        for job in jobs:
+            yield job, work(job)
+        return
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(work, job): job for job in jobs}
+        try:
+            for future in as_completed(running):
+                yield running.pop(future), future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def check_count(what: str, value: int, most: int) -> None:
+    """Raises `LabError` unless 1 <= value <= most."""
+    if not 1 <= value <= most:
+        raise LabError(f"{what} is {value}; it must be from 1 to {most}")
+
+
+def check_free(out_dir: Path) -> None:
+    """Fail before the work, not after it, when the results could not be written."""
+    if out_dir.exists() and not out_dir.is_dir():
+        raise LabError(f"{out_dir}: is a file; choose a folder with --out")
+    if out_dir.is_dir() and any(out_dir.iterdir()) and not (out_dir / "meta.json").is_file():
+        raise LabError(f"{out_dir}: not empty and not an earlier export; choose another folder with --out")
+    try:
+        out_dir.absolute().parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LabError(f"{out_dir}: cannot be made: {error.strerror or error}") from None
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Finished participants on disk, one folder each with a file per table; a folder that is there is complete."""
+
+    folder: Path
+    plan: Plan
+
+    def has(self, index: int) -> bool:
+        """Whether that participant is done. The first call makes the folder, or checks that it is of this plan."""
+        self._claim()
+        return self._place(index).is_dir()
+
+    def make(self, index: int) -> None:
+        """Simulate that participant and put the rows away, all or nothing."""
+        record = self.plan.run(index)
+        place = self._place(index)
+        unfinished = place.with_suffix(f".{os.getpid()}")
+        unfinished.mkdir()
+        for table, rows in record.items():
+            with gzip.open(unfinished / table, "wt", encoding="utf-8", compresslevel=1) as file:
+                file.writelines(json.dumps(list(vars(row).values())) + "\n" for row in rows)
+        os.replace(unfinished, place)
+
+    def rows(self, table: str, participants: int) -> Iterable[Any]:
+        """The rows of a table, participant by participant."""
+        row_type = TABLES[table]
+        for index in range(participants):
+            with gzip.open(self._place(index) / table, "rt", encoding="utf-8") as file:
+                for line in file:
+                    yield row_type(*json.loads(line))
+
+    def remove(self) -> None:
+        """Everything is exported."""
+        shutil.rmtree(self.folder)
+
+    def _place(self, index: int) -> Path:
+        return self.folder / f"{index:05d}"
+
+    def _claim(self) -> None:
+        settings: Mapping[str, Any] = self.plan.settings()
+        note = self.folder / "settings.json"
+        try:
+            if not self.folder.exists():
+                self.folder.mkdir()
+                note.write_text(json.dumps(settings), encoding="utf-8")
+            found = json.loads(note.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise LabError(f"{self.folder}: cannot be used: {error}; remove it or choose another --out") from None
+        if found != settings:
+            changed = sorted(name for name in settings if found.get(name) != settings[name])
+            raise LabError(
+                f"{self.folder}: holds an unfinished simulation with another {', '.join(changed)}; "
+                "remove it, or choose another --out"
+            )

@@ -1,0 +1,367 @@
+"""One simulated participant's whole study, headless: the same protocol, `TrialEngine`, distractor and row types as a
+live session, with `app.driver` at the controls. No file, no clock: time is counted in ticks from a fixed day.
+
+    record = simulate_participant(case)          record["ticks"], record["tasks"], ... as in `study.records.TABLES`
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from app.driver import Driver, ticks_of
+from app.opinions import Experience, comprehension_answers, demographic_answers, survey_answers
+from app.participants import Population, Traits, draw_traits, stream
+from app.pilot import Sight
+from app.planning import StudySetup
+from app.steps import STEPS, StepContext
+from app.surroundings import utc_text
+from app.trial import TrialEngine
+from app.trial_values import TickResult, TrialView
+from sim.interface import TICK_S, Robot, Vector3
+from study import protocol
+from study.design import SessionPlan, TrialPlan, plan_session, reading
+from study.distractor import DistractorState
+from study.protocol import Event, Session
+from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow
+
+FIRST_DAY_UNIX_S = 946_684_800.0
+"""2000-01-01: nobody will take a simulated time for a real one."""
+FORM_S = 30.0
+"""How long a form takes, on that clock."""
+GIVES_UP_TICKS = 4000
+"""Ticks of one trial (33 minutes) after which a simulated participant withdraws."""
+ANSWER_SHARE = 0.6
+"""Share of the time away after which the answer is typed; the rest is the way back."""
+
+Record = dict[str, list[Any]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Everything one simulated participant depends on. `index` from 0 gives the id and the day."""
+
+    setup: StudySetup
+    index: int
+    seed: int
+    order: tuple[str, ...]
+    population: Population = field(default_factory=Population)
+
+    @property
+    def participant(self) -> str:
+        """The id, as `S001`."""
+        return f"S{self.index + 1:03d}"
+
+
+def simulate_participant(case: Case, make_robot: Callable[[], Robot]) -> Record:
+    """Run the whole study; every row it leaves behind, by table."""
+    return _Run(case, make_robot).run()
+
+
+def simulate_trial(
+    case: Case, trial: int, make_robot: Callable[[], Robot], kind: Literal["trial", "practice"] = "trial"
+) -> Record:
+    """One trial (or practice) alone, with the very rows it has in the whole study."""
+    run = _Run(case, make_robot)
+    run.session = replace(run.session, state=kind, trial=trial)
+    if kind == "trial":
+        run.trial()
+    else:
+        run.practice()
+    return run.rows
+
+
+class _Run:
+    """The session as it goes. `now_s` counts up from the participant's day."""
+
+    def __init__(self, case: Case, make_robot: Callable[[], Robot]) -> None:
+        study = case.setup.study
+        self.case = case
+        self.make_robot = make_robot
+        self.traits: Traits = draw_traits(case.population, stream(case.seed, "traits"))
+        self.plan: SessionPlan = plan_session(study, case.order, case.seed)
+        self.session: Session = protocol.new_session(case.participant, len(study.conditions), study.skips)
+        self.rows: Record = {name: [] for name in TABLES}
+        self.now_s = FIRST_DAY_UNIX_S + 86_400.0 * case.index
+        self.tick: int | None = None
+        self.inputs = 0
+        self.felt = Experience(0.0, 0, 0, 0.0)
+        self.consent: tuple[str, str] | None = None
+
+    def run(self) -> Record:
+        """From consent to thanks."""
+        created = self.utc
+        steps: Mapping[str, Callable[[], None]] = {
+            "consent": lambda: self.form("consent", {"accepted": True, "hash": self.case.setup.study.consent.hash}),
+            "demographics": self.demographics,
+            "setup": lambda: self.form("setup", {"device": "gamepad", "pad_id": "simulated", "sound": True}),
+            "instructions": lambda: self.form(
+                "instructions", {"answers": dict(comprehension_answers(self.case.setup.study))}
+            ),
+            "practice_ready": lambda: self.form("start", {}),
+            "practice": self.practice,
+            "trial_ready": lambda: self.form("start", {}),
+            "trial": self.trial,
+            "survey": self.survey,
+            "break": lambda: self.form("continue", {}),
+            "debrief": lambda: self.form("debrief", {"answers": {}}),
+        }
+        while not self.session.is_over:
+            steps[self.session.state]()
+        self.rows["participants"].append(self._participant_row(created))
+        return self.rows
+
+    # ---- forms --------------------------------------------------------------------------------------------------
+
+    def form(self, step: str, data: Mapping[str, Any]) -> None:
+        """Submit a step just as a page does; the same checks apply."""
+        self.now_s += FORM_S
+        condition = self.plan.trial(self.session.trial).condition
+        outcome = STEPS[step](StepContext(self.case.setup.study, self.session, condition, self.utc), data)
+        self.event(f"step_{step}", "participant", dict(outcome.log or {}))
+        if outcome.consent_hash:
+            self.consent = (self.utc, outcome.consent_hash)
+        self.rows["survey_answers"] += outcome.answers
+        if outcome.event is not None:
+            self.advance(outcome.event)
+
+    def demographics(self) -> None:
+        answers = demographic_answers(self.case.setup.study, stream(self.case.seed, "forms"))
+        self.form("demographics", {"answers": answers})
+
+    def survey(self) -> None:
+        rng = stream(self.case.seed, "survey", self.session.trial)
+        self.form("survey", {"answers": survey_answers(self.case.setup.study, self.traits, self.felt, rng)})
+
+    # ---- practice and trial -------------------------------------------------------------------------------------
+
+    def practice(self) -> None:
+        """Until the practice object has been moved."""
+        sitting = _Sitting(self, "practice")
+        sitting.run()
+        self.rows["practice_ticks"] += sitting.ticks
+        self._leave(Event("practice_done"), sitting)
+
+    def trial(self) -> None:
+        """Three pickups and dropoffs, readings among them."""
+        number = self.session.trial
+        row = self.case.setup.trial_row(self.case.participant, self.plan, number)
+        started_utc = self.utc
+        sitting = _Sitting(self, "trial")
+        sitting.run()
+        self.rows["ticks"] += sitting.ticks
+        self.rows["tasks"] += sitting.tasks
+        self.rows["alerts"] += sitting.alert_rows()
+        outcome: Literal["completed", "aborted"] = "completed" if sitting.finished else "aborted"
+        self.rows["trials"].append(
+            replace(
+                row,
+                outcome=outcome,
+                ticks=len(sitting.ticks),
+                started_utc=started_utc,
+                finished_utc=self.utc,
+            )
+        )
+        self.felt = sitting.experience()
+        self._leave(Event("trial_done"), sitting)
+
+    def _leave(self, done: Event, sitting: _Sitting) -> None:
+        given_up = f"simulated participant gave up after {GIVES_UP_TICKS} ticks"
+        self.advance(done if sitting.finished else Event("withdraw", given_up))
+        self.tick = None
+
+    # ---- the record ---------------------------------------------------------------------------------------------
+
+    @property
+    def utc(self) -> str:
+        """The simulated time as text."""
+        return utc_text(self.now_s)
+
+    def advance(self, event: Event) -> None:
+        """Take an event of the protocol and log it as the lab does."""
+        before = self.session
+        self.session, _ = protocol.advance(before, event, self.now_s)
+        self.event(
+            "state",
+            "lab",
+            {"event": event.name, "from": before.state, "to": self.session.state, "reason": event.reason},
+            before,
+        )
+
+    def event(self, kind: str, source: str, data: Mapping[str, Any], session: Session | None = None) -> None:
+        """One line of the event log."""
+        session = session or self.session
+        in_trial = session.worker is not None
+        self.rows["events"].append(
+            EventRow(
+                participant=self.case.participant,
+                trial=session.trial if in_trial else None,
+                tick=self.tick if in_trial else None,
+                utc=self.utc,
+                kind=kind,
+                source=source,
+                data=json.dumps(dict(data), default=str),
+            )
+        )
+
+    def _participant_row(self, created_utc: str) -> ParticipantRow:
+        consent_utc, consent_hash = self.consent or (None, None)
+        return ParticipantRow(
+            participant=self.case.participant,
+            seed=self.case.seed,
+            condition_order=">".join(self.case.order),
+            state=self.session.state,
+            study_hash=self.case.setup.study.hash,
+            created_utc=created_utc,
+            consent_utc=consent_utc,
+            consent_hash=consent_hash,
+            finished_utc=self.utc,
+            schema_version=SCHEMA_VERSION,
+        )
+
+
+@dataclass
+class _Errand:
+    """What a participant will do about one reading; ticks of the trial, None = never."""
+
+    leave: int | None
+    answer: int | None
+    away: int
+    typed: str
+
+
+@dataclass
+class _Sitting:
+    """One practice or trial: driver, engine and readings, tick by tick."""
+
+    run_: _Run
+    kind: Literal["practice", "trial"]
+    ticks: list[Any] = field(default_factory=list)
+    tasks: list[Any] = field(default_factory=list)
+    robot_moves: int = 0
+    contrary_moves: int = 0
+    finished: bool = False
+
+    def __post_init__(self) -> None:
+        run, trial = self.run_, self.run_.session.trial
+        setup = run.case.setup
+        self.plan: TrialPlan = run.plan.trial(trial)
+        self.trial_setup = setup.trial_setup(run.case.participant, run.plan, trial, self.kind)
+        self.driver = Driver(
+            run.traits,
+            stream(run.case.seed, self.kind, trial),
+            self.trial_setup.timing.speed_m_s * TICK_S,
+        )
+        self.distractor = DistractorState(setup.study.distractor)
+        self.errands: dict[int, _Errand] = {}
+
+    def run(self) -> None:
+        """Every tick, until it is over or the participant gives up."""
+        robot = self.run_.make_robot()
+        try:
+            engine = TrialEngine(self.trial_setup, robot)
+            engine.open()
+            while not engine.finished and engine.next_tick < GIVES_UP_TICKS:
+                self._tick(engine)
+            self.finished = engine.finished
+        finally:
+            robot.close()
+        if self.kind == "trial":
+            self.distractor, _ = self.distractor.close()
+
+    def _tick(self, engine: TrialEngine) -> None:
+        run, tick = self.run_, engine.next_tick
+        self._attend(tick)
+        view = engine.view()
+        sight = _sight(engine, view)
+        operator = self.driver.act(view.object, sight)
+        if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
+            operator = replace(operator, direction=None, gripper=None)
+        run.inputs += 1
+        result = engine.tick(replace(operator, seq=run.inputs))
+        run.tick, run.now_s = tick, run.now_s + TICK_S
+        self.ticks.append(result.row)
+        self.tasks += result.tasks if self.kind == "trial" else ()
+        for item in result.events:
+            run.event(item.kind, "robot", item.data)
+        self._judge(result, sight, engine.world.position_world_gripper_m)
+        if self.kind == "trial":
+            self._raise_readings(tick + 1)
+
+    # ---- the readings -------------------------------------------------------------------------------------------
+
+    def _raise_readings(self, tick: int) -> None:
+        """New readings, and what this person will do about them."""
+        run = self.run_
+        self.distractor, changed = self.distractor.advance(tick * TICK_S, lambda number: reading(self.plan, number))
+        for alert in changed:
+            if alert.status == "open":
+                self.distractor = self.distractor.shown(alert.alert, run.utc).heard(alert.alert, run.utc)
+                self.errands[alert.alert] = self._plan_errand(alert.alert, alert.reading, tick)
+
+    def _plan_errand(self, number: int, text: str, tick: int) -> _Errand:
+        traits = self.run_.traits
+        rng = stream(self.run_.case.seed, "alerts", self.plan.trial, number)
+        reaction_s, away_s, return_s = (
+            mean_s * math.exp(0.2 * rng.standard_normal() - 0.02)
+            for mean_s in (traits.reaction_s, traits.away_s, traits.return_s)
+        )
+        if rng.random() < traits.miss:
+            return _Errand(None, None, 0, "")
+        digit = int(rng.integers(len(text)))
+        typed = text
+        if rng.random() < traits.typing_error and text[digit].isdigit():
+            typed = text[:digit] + str((int(text[digit]) + int(rng.integers(1, 10))) % 10) + text[digit + 1 :]
+        leave = tick + ticks_of(reaction_s)
+        return _Errand(leave, leave + ticks_of(ANSWER_SHARE * away_s), ticks_of(away_s + return_s), typed)
+
+    def _attend(self, tick: int) -> None:
+        """Hands off, or a reading typed, when its tick has come."""
+        run = self.run_
+        for number, errand in self.errands.items():
+            if errand.leave == tick:
+                self.driver.leave(errand.away)
+            if errand.answer == tick:
+                self.distractor, result = self.distractor.answer(number, errand.typed, tick * TICK_S, run.utc)
+                data = {"alert": number, "result": result, "value": errand.typed}
+                run.event("alert_answer", "participant", data)
+
+    def alert_rows(self) -> list[Any]:
+        """The readings' rows."""
+        case, plan = self.run_.case, self.plan
+        return [
+            self.distractor.row(alert, case.participant, plan.condition, plan.trial) for alert in self.distractor.alerts
+        ]
+
+    # ---- what it was like ---------------------------------------------------------------------------------------
+
+    def _judge(self, result: TickResult, sight: Sight, after_m: Vector3) -> None:
+        goal_m = sight.object_m if result.row.kind == "pickup" else sight.release_m
+        if result.row.source == "robot" and goal_m is not None and after_m != sight.position_m:
+            self.robot_moves += 1
+            self.contrary_moves += math.dist(after_m, goal_m) > math.dist(sight.position_m, goal_m)
+
+    def experience(self) -> Experience:
+        """The trial as the participant will rate it."""
+        alerts = self.distractor.alerts
+        return Experience(
+            minutes=len(self.ticks) * TICK_S / 60.0,
+            failures=sum(1 for task in self.tasks if task.outcome == "failure"),
+            missed=sum(1 for alert in alerts if alert.status == "expired" or alert.correct is False),
+            contrary=self.contrary_moves / self.robot_moves if self.robot_moves else 0.0,
+        )
+
+
+def _sight(engine: TrialEngine, view: TrialView) -> Sight:
+    """What a person sees before a tick."""
+    world = engine.world
+    return Sight(
+        position_m=world.position_world_gripper_m,
+        held=world.held,
+        gripper=world.gripper,
+        object_m=world.object(view.object).grasp_world_m,
+        release_m=engine.scene.bin(view.bin).release_world_m if view.bin else None,
+    )
