@@ -1,0 +1,154 @@
+"""A shortened study in a real browser on the real pybullet Fetch, from the link to the thanks.
+
+One object a trial. Trial 1 by gamepad, as it should go; then the pad is unplugged and the keyboard takes over:
+trial 2 knocks its object over, trial 3 drops it outside the bin.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import pytest
+
+from app.pilot import Pilot
+from sim.layouts import LAYOUTS
+from sim.objects import STUDY_OBJECTS
+from study.design import DEFAULT_STUDY, load_study
+from study.export import export, read_table
+from study.store import open_store
+from tests.browser_person import BrowserPerson
+from tests.lab_server import LabServer
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytestmark = [pytest.mark.browser, pytest.mark.bullet, pytest.mark.slow]
+
+SPEED_M_S = 0.06
+STEP_M = SPEED_M_S * 0.5
+
+
+@pytest.fixture
+def short_study(tmp_path: Path) -> Path:
+    """The paper's study with one object a trial and a somewhat faster arm."""
+    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    for before, after in (
+        ("pickups_per_trial = 3", "pickups_per_trial = 1"),
+        ("speed_m_s = 0.04", f"speed_m_s = {SPEED_M_S}"),
+    ):
+        assert before in text
+        text = text.replace(before, after)
+    path = tmp_path / "short.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def invite(lab: LabServer, **body: Any) -> str:
+    response = httpx.post(f"{lab.base_url}/api/participants", headers=lab.headers, json=body, trust_env=False)
+    assert response.status_code == 201, response.text
+    link: str = response.json()["link"]
+    return link
+
+
+def finished(world: dict[str, Any], tick: dict[str, Any]) -> bool:
+    return bool(tick["status"] == "finished")
+
+
+def practise(person: BrowserPerson) -> None:
+    person.at("drive")
+    person.start()
+    person.drive(Pilot(STEP_M), finished)
+
+
+def test_a_whole_study_by_gamepad_and_keyboard(
+    start_lab: Callable[..., LabServer], short_study: Path, page: Page, screenshot_dir: Path, tmp_path: Path
+) -> None:
+    lab = start_lab("--study", str(short_study), "--robot", "bullet")
+    study = load_study(short_study, layouts=LAYOUTS, objects=tuple(STUDY_OBJECTS))
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+
+    def shot(name: str) -> None:
+        page.screenshot(path=screenshot_dir / f"study_{name}.png")
+
+    person = BrowserPerson(page, STEP_M, shot)
+
+    page.goto(invite(lab))
+    person.consent()
+    person.demographics()
+    person.setup("gamepad")
+    person.instructions({question.id: question.correct for question in study.instructions.questions})
+
+    practise(person)
+    person.start()
+    person.drive(Pilot(STEP_M), finished)
+    person.survey()
+
+    person.at("break")
+    page.get_by_test_id("continue-button").click()
+    person.at("drive")
+    person.pad.disconnect()
+    person.device = "keyboard"
+    practise(person)
+    person.start()
+    _, tick = person.next_tick()
+    spec = STUDY_OBJECTS[tick["instruction"]["object"]]
+    person.knock_over(spec.size_m[2] - spec.grasp_height_m - 0.02)
+    person.survey()
+
+    person.at("break")
+    page.get_by_test_id("continue-button").click()
+    practise(person)
+    person.start()
+    person.drive(Pilot(STEP_M), lambda world, tick: tick["instruction"]["kind"] == "dropoff")
+    person.go_to((0.64, None, None))
+    person.go_to((None, 0.0, None))
+    person.press_gripper("open")
+    person.wait_for(finished)
+    person.survey()
+
+    person.at("debrief")
+    page.get_by_test_id("debrief-submit").click()
+    person.at("done")
+    shot("done")
+
+    with open_store(lab.data_dir, must_exist=True) as store:
+        export(store, tmp_path / "out")
+    tasks = read_table(tmp_path / "out", "tasks")
+    assert [(task.trial, task.kind, task.outcome, task.reason) for task in tasks] == [
+        (1, "pickup", "success", None),
+        (1, "dropoff", "success", None),
+        (2, "pickup", "failure", "knocked_over"),
+        (2, "dropoff", "not_run", "pickup_failed"),
+        (3, "pickup", "success", None),
+        (3, "dropoff", "failure", "outside_bin"),
+    ]
+    (participant,) = read_table(tmp_path / "out", "participants")
+    assert participant.state == "done"
+    ticks = read_table(tmp_path / "out", "ticks")
+    assert {tick.source for tick in ticks} >= {"user", "gripper"}
+    alerts = read_table(tmp_path / "out", "alerts")
+    assert alerts
+    answered = [alert for alert in alerts if alert.status == "answered"]
+    assert answered
+    assert all(alert.correct and alert.shown_utc and alert.heard_utc for alert in answered)
+    away = [tick for tick in ticks if tick.user_x is None and tick.source in ("idle", "robot")]
+    assert len(away) >= 5 * len(answered), "an alert forces the hands off for at least five ticks"
+    answers = read_table(tmp_path / "out", "survey_answers")
+    per_trial = [(answer.trial, answer.instrument) for answer in answers if answer.trial is not None]
+    assert all(per_trial.count((trial, "sus_modified")) == 10 for trial in (1, 2, 3))
+    assert all(per_trial.count((trial, "tlx_raw")) == 6 for trial in (1, 2, 3))
+    received = "\n".join(page.evaluate("() => window.__seen.frames"))
+    for word in ("belief", "entropy", "goal_oriented", "balanced", "teleoperation"):
+        assert word not in received
+    assert (
+        json.loads(next(row.data for row in read_table(tmp_path / "out", "events") if row.kind == "step_setup"))[
+            "device"
+        ]
+        == "gamepad"
+    )
+    assert not [error for error in errors if "Content Security Policy" not in error], errors
