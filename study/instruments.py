@@ -31,6 +31,9 @@ class Instrument:
     title: str
     intro: str
     source: str
+    """Whose words these are and what was changed; shown with the questionnaire."""
+    scoring: str
+    """How the score is made; not for those who answer."""
     score_means: str
     """What a high score says."""
     items: tuple[Item, ...]
@@ -46,10 +49,11 @@ SUS_MODIFIED = Instrument(
     title="About the system you just used",
     intro="How much do you agree with each statement about controlling the robot in this trial?",
     source=(
-        "System Usability Scale, modified: 7 points instead of 5, score = mean on 1-7. Items: J. Brooke, "
+        "System Usability Scale, modified: 7 points instead of 5. Items: J. Brooke, "
         '"SUS: A quick and dirty usability scale", in Usability Evaluation in Industry (eds. Jordan, Thomas, '
         "Weerdmeester, McClelland), Taylor & Francis, 1996, pp. 189-194. (c) Digital Equipment Corporation, 1986."
     ),
+    scoring="Mean of the 10 items on 1-7 after reversing the even ones, instead of the original 0-100.",
     score_means="more usable",
     items=(
         _agreement(1, "I think that I would like to use this system frequently", False),
@@ -72,10 +76,13 @@ TLX_RAW = Instrument(
     title="About how demanding it was",
     intro="Think of the whole trial, both moving the objects and logging the readings.",
     source=(
-        "NASA Task Load Index, raw (unweighted) and modified: 7 points instead of 21, score = mean on 1-7. Scales: "
+        "NASA Task Load Index, raw (unweighted) and modified: 7 points instead of 21. Scales: "
         'S. G. Hart and L. E. Staveland, "Development of NASA-TLX (Task Load Index): Results of empirical and '
-        'theoretical research", in Human Mental Workload (eds. Hancock, Meshkati), North-Holland, 1988, pp. 139-183. '
-        "Performance runs from Perfect (1) to Failure (7) as in the original, so no scale is reversed."
+        'theoretical research", in Human Mental Workload (eds. Hancock, Meshkati), North-Holland, 1988, pp. 139-183.'
+    ),
+    scoring=(
+        "Mean of the 6 scales on 1-7. Performance runs from Perfect (1) to Failure (7) as in the original, so no scale "
+        "is reversed."
     ),
     score_means="more workload",
     items=(
