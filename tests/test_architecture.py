@@ -41,7 +41,8 @@ MODULES = {
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
-        study.store study.writer study.fingerprint study.export study.statistics
+        study.store study.writer study.fingerprint study.export
+        study.effects study.factors study.statistics study.mixed study.dataset study.analysis
     """,
     "pure": """
         app.messages
@@ -69,7 +70,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "viser": frozenset({"sim.scene"}),
     "sqlalchemy": frozenset({"study.store"}),
     "sqlite3": frozenset({"study.store"}),
-    "statsmodels": frozenset({"study.statistics"}),
+    "statsmodels": frozenset({"study.statistics", "study.mixed"}),
 }
 
 PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_types", "tomli", "typing_extensions"})

@@ -7,20 +7,16 @@ import pandas as pd
 import pytest
 from statsmodels.stats.anova import AnovaRM
 
+from study.effects import Interval, NotFitted, d_within, eta_squared, hedges_g
+from study.mixed import MixedModel, _Groups, mixed_model
 from study.statistics import (
     Anova,
-    Interval,
-    MixedModel,
-    NotFitted,
     RepeatedMeasures,
     anova,
     brown_forsythe,
-    d_within,
-    eta_squared,
     greenhouse_geisser,
-    hedges_g,
-    mixed_model,
     repeated_measures,
+    slope,
     tukey,
 )
 
@@ -235,12 +231,22 @@ def test_mixed_model_and_repeated_measures_say_why_not() -> None:
     two = mixed_model([1.0, 2.0, 3.0, 5.0], ["a", "b", "a", "b"], ["x", "x", "y", "y"])
     assert isinstance(two, NotFitted) and "fewer than 3" in two.reason
     one = repeated_measures([1.0, 2.0, 3.0], ["a", "b", "a"], ["x", "x", "y"])
-    assert isinstance(one, NotFitted) and "1 participants have a value for every condition" in one.reason
+    assert isinstance(one, NotFitted) and "with a value for every condition: 1" in one.reason
     twice = repeated_measures([1.0, 2.0], ["a", "a"], ["x", "x"])
     assert isinstance(twice, NotFitted) and "two values" in twice.reason
     assert isinstance(hedges_g([1.0], [2.0, 3.0]), NotFitted)
     assert isinstance(d_within([1.0, 2.0], [0.0, 1.0]), NotFitted)
     assert brown_forsythe([1.0, 2.0], ["a", "b"]) is None
+
+
+def test_a_mixed_model_near_the_boundary_is_fitted_all_the_same() -> None:
+    """Ours for the boundary gives the library's numbers where the library converges."""
+    values, kinds, people = stools()
+    design = np.column_stack([np.ones(36), *[[kind == level for kind in kinds] for level in ("T2", "T3", "T4")]])
+    found = _Groups(np.array(values, dtype=float), design.astype(float), people).best_fit()
+    assert found.effects[1:] == pytest.approx([3.888889, 2.222222, 0.666667], abs=1e-6)
+    assert (found.participant_sd, found.residual_sd) == pytest.approx((1.332465, 1.100295), abs=1e-5)
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx([0.5760123] + [0.5186838] * 3, abs=1e-5)
 
 
 def test_participants_who_do_not_differ_are_reported() -> None:
@@ -250,3 +256,12 @@ def test_participants_who_do_not_differ_are_reported() -> None:
     model = mixed_model(values, kinds, people)
     assert isinstance(model, MixedModel)
     assert model.note is not None and "estimated as 0" in model.note
+
+
+def test_the_slope_of_a_line_with_known_noise() -> None:
+    found = slope([2, 4, 5, 6], [1.0, 3.0, 4.0, 5.0])
+    assert not isinstance(found, NotFitted)
+    assert found.per_unit.value == pytest.approx(1.0)
+    flat_line, one_place = slope([2, 4, 6], [1.0, 1.0, 1.0]), slope([2, 2, 2], [1.0, 2.0, 3.0])
+    assert isinstance(flat_line, NotFitted) and "all 3 values are equal" in flat_line.reason
+    assert isinstance(one_place, NotFitted) and "at 1 places" in one_place.reason

@@ -1,0 +1,279 @@
+"""The paper's analysis (V-B) of a loaded data set: which values are compared, by which model, as plain results.
+
+    analyse(dataset) -> Analysis          everything the report shows
+    observations(...), compare(...)       one measure at a time, for whoever runs many studies
+
+Objective measures are compared task by task (belief gain: window by window) as in the paper, with a mixed model beside
+the ANOVA, because tasks of one participant are not independent. Window rate, usability and workload have one value
+per participant and condition and are compared within participants: F(k - 1, (k - 1)(n - 1)), F(2, 22) for twelve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from study import effects, statistics
+from study.dataset import DataSet
+from study.effects import NotFitted
+from study.measures import Kind, Measures, Summary, SurveyScore, summary, window_rates
+from study.mixed import MixedModel, mixed_model
+from study.statistics import Anova, Pair, RepeatedMeasures, Slope
+
+MeasureId = Literal[
+    "belief_gain", "convergence_user_actions", "efficiency_ticks", "window_rate", "sus_modified", "tlx_raw"
+]
+KIND_TITLES: dict[Kind, str] = {"pickup": "pickups", "dropoff": "dropoffs", "all": "all tasks"}
+
+
+@dataclass(frozen=True)
+class MeasureInfo:
+    """How a measure is named and what one value of it belongs to."""
+
+    id: MeasureId
+    title: str
+    unit: str
+    decimals: int
+    per: Literal["window", "task", "participant"]
+
+
+MEASURES: dict[str, MeasureInfo] = {
+    item.id: item
+    for item in (
+        MeasureInfo("belief_gain", "Belief accuracy gain after windows", "Δ probability", 4, "window"),
+        MeasureInfo("convergence_user_actions", "Belief convergence speed", "user actions", 2, "task"),
+        MeasureInfo("efficiency_ticks", "Total task efficiency", "ticks of 0.5 s", 1, "task"),
+        MeasureInfo("window_rate", "Window rate", "windows per control tick", 4, "participant"),
+        MeasureInfo("sus_modified", "Usability (modified SUS)", "score, 1–7", 2, "participant"),
+        MeasureInfo("tlx_raw", "Workload (modified raw TLX)", "score, 1–7", 2, "participant"),
+    )
+}
+OBJECTIVE: tuple[MeasureId, ...] = ("belief_gain", "convergence_user_actions", "efficiency_ticks")
+COMPARED_KINDS: tuple[Kind, ...] = ("pickup", "all")
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One value and what it belongs to."""
+
+    value: float
+    condition: str
+    participant: str
+    position: int
+    goal: str
+    goals: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One measure compared between the conditions."""
+
+    measure: MeasureInfo
+    kind: Kind | None
+    """None for questionnaires, which are about a whole trial."""
+    observations: tuple[Observation, ...]
+    summaries: dict[str, Summary]
+    model: Anova | RepeatedMeasures | NotFitted
+    pairs: tuple[Pair, ...]
+    mixed: MixedModel | NotFitted | None
+    equal_variance_p: float | None
+    left_out: str | None = None
+    """Values that could not enter, in one sentence."""
+
+    @property
+    def anova(self) -> Anova | NotFitted:
+        """The model's F test, whichever kind it is."""
+        return self.model.anova if isinstance(self.model, RepeatedMeasures) else self.model
+
+
+@dataclass(frozen=True)
+class GoalTrend:
+    """Belief gain under one condition by the number of candidate goals (the paper's Fig. 4)."""
+
+    condition: str
+    by_goals: dict[int, Summary]
+    slope: Slope | NotFitted
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Everything that is reported."""
+
+    data: DataSet
+    comparisons: tuple[Comparison, ...]
+    trends: tuple[GoalTrend, ...]
+
+    def comparison(self, measure: str, kind: Kind | None = None) -> Comparison | None:
+        """The comparison of that measure and kind; None = it was not measured (such as a questionnaire not asked)."""
+        return next((c for c in self.comparisons if c.measure.id == measure and c.kind == kind), None)
+
+
+def analyse(data: DataSet) -> Analysis:
+    """Every comparison of the paper, on any data set that `study.dataset.load` takes."""
+    conditions = data.conditions
+    comparisons = [
+        compare(observations(data.measures, measure, kind), measure, kind, conditions)
+        for measure in OBJECTIVE
+        for kind in COMPARED_KINDS
+    ]
+    comparisons += [
+        compare(observations(data.measures, "window_rate", kind), "window_rate", kind, conditions)
+        for kind in COMPARED_KINDS
+    ]
+    comparisons += [
+        compare(survey_observations(data.scores, instrument), instrument, None, conditions)
+        for instrument in sorted({item.instrument for item in data.scores})
+    ]
+    return Analysis(data, tuple(comparisons), goal_trends(data.measures, conditions))
+
+
+# ---- which values ---------------------------------------------------------------------------------------------------
+
+
+def observations(measures: Measures, measure: str, kind: Kind) -> tuple[Observation, ...]:
+    """The values of an objective measure: tasks that converged, windows that count, rates per participant."""
+    found: list[Observation] = []
+    if measure == "window_rate":
+        return tuple(
+            Observation(rate.rate, rate.condition, rate.participant, rate.position, "", 0)
+            for rate in window_rates(measures, kind)
+        )
+    if measure == "belief_gain":
+        for window in measures.gains(kind):
+            if window.gain is not None:
+                place = (window.condition, window.participant, window.position, window.goal, window.goals)
+                found.append(Observation(window.gain, *place))
+        return tuple(found)
+    for task in measures.analysed_tasks(kind):
+        value = task.efficiency_ticks if measure == "efficiency_ticks" else task.convergence_user_actions
+        if value is not None:
+            place = (task.condition, task.participant, task.position, task.goal, task.goals)
+            found.append(Observation(float(value), *place))
+    return tuple(found)
+
+
+def survey_observations(scores: Iterable[SurveyScore], instrument: str) -> tuple[Observation, ...]:
+    """One score per participant and condition."""
+    return tuple(
+        Observation(item.score, item.condition, item.participant, item.position, "", 0)
+        for item in scores
+        if item.instrument == instrument
+    )
+
+
+# ---- by which model -------------------------------------------------------------------------------------------------
+
+
+def compare(
+    values: Sequence[Observation],
+    measure: str,
+    kind: Kind | None,
+    conditions: Sequence[str],
+    *,
+    mixed: bool = True,
+    intervals: bool = True,
+) -> Comparison:
+    """One measure between conditions. Without `mixed` and `intervals` it takes a tenth of the time."""
+    info = MEASURES[measure]
+    summaries = {
+        condition: summary([item.value for item in values if item.condition == condition]) for condition in conditions
+    }
+    compared = _within if info.per == "participant" else _between
+    result = compared(values, info, kind, conditions, summaries, mixed)
+    anova = result.anova
+    if isinstance(anova, NotFitted):
+        return result
+    pairs = statistics.tukey(anova, intervals=intervals)
+    return replace(result, pairs=tuple(_with_effect(pair, result) for pair in pairs) if intervals else pairs)
+
+
+def _between(
+    values: Sequence[Observation],
+    info: MeasureInfo,
+    kind: Kind | None,
+    conditions: Sequence[str],
+    summaries: dict[str, Summary],
+    mixed: bool,
+) -> Comparison:
+    y, condition = [item.value for item in values], [item.condition for item in values]
+    covariates = {"position": [item.position for item in values], "goal": [item.goal for item in values]}
+    people = [item.participant for item in values]
+    return Comparison(
+        measure=info,
+        kind=kind,
+        observations=tuple(values),
+        summaries=summaries,
+        model=statistics.anova(y, condition, covariates, conditions),
+        pairs=(),
+        mixed=mixed_model(y, condition, people, covariates, conditions) if mixed else None,
+        equal_variance_p=statistics.brown_forsythe(y, condition),
+    )
+
+
+def _within(
+    values: Sequence[Observation],
+    info: MeasureInfo,
+    kind: Kind | None,
+    conditions: Sequence[str],
+    summaries: dict[str, Summary],
+    mixed: bool,
+) -> Comparison:
+    complete = _complete(values, conditions)
+    people = {item.participant for item in values}
+    left_out = None
+    if len(complete) < len(people):
+        left_out = (
+            f"{len(people) - len(complete)} of {len(people)} participants lack a value for some condition and are "
+            "left out of the test; the means include them."
+        )
+    return Comparison(
+        measure=info,
+        kind=kind,
+        observations=tuple(values),
+        summaries=summaries,
+        model=statistics.repeated_measures(
+            [item.value for item in values],
+            [item.condition for item in values],
+            [item.participant for item in values],
+            conditions,
+        ),
+        pairs=(),
+        mixed=None,
+        equal_variance_p=None,
+        left_out=left_out,
+    )
+
+
+def _complete(values: Sequence[Observation], conditions: Sequence[str]) -> dict[str, dict[str, float]]:
+    cells: dict[str, dict[str, float]] = {}
+    for item in values:
+        cells.setdefault(item.participant, {})[item.condition] = item.value
+    return {person: of for person, of in cells.items() if len(of) == len(conditions)}
+
+
+def _with_effect(pair: Pair, result: Comparison) -> Pair:
+    if result.measure.per == "participant":
+        cells = _complete(result.observations, list(result.summaries))
+        first, second = ([of[name] for of in cells.values()] for name in (pair.first, pair.second))
+        return replace(pair, effect_name="d_z", effect=effects.d_within(first, second))
+    first, second = (
+        [item.value for item in result.observations if item.condition == name] for name in (pair.first, pair.second)
+    )
+    return replace(pair, effect_name="Hedges' g", effect=effects.hedges_g(first, second))
+
+
+def goal_trends(measures: Measures, conditions: Sequence[str]) -> tuple[GoalTrend, ...]:
+    """Belief gain by the number of candidate goals, and its slope per goal, under each condition."""
+    trends = []
+    for condition in conditions:
+        gains = [item for item in observations(measures, "belief_gain", "all") if item.condition == condition]
+        counts = sorted({item.goals for item in gains})
+        trends.append(
+            GoalTrend(
+                condition=condition,
+                by_goals={count: summary([g.value for g in gains if g.goals == count]) for count in counts},
+                slope=statistics.slope([g.goals for g in gains], [g.value for g in gains]),
+            )
+        )
+    return tuple(trends)

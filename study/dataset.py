@@ -1,0 +1,338 @@
+"""What the analysis reads of an export: completed trials measured, surveys scored, and how good the data are.
+
+Everything but `ticks.csv` is read by `study.export.read_table`. A thousand trials are a third of a gigabyte of ticks,
+so of those only the columns the measures need are read, a block at a time.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from study.export import read_meta, read_table
+from study.measures import Measures, SurveyScore, conditions_of, measure, survey_scores
+from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
+from study.study_file import parse_toml
+
+_DEMO = re.compile(r"^D\d+$")
+"""Ids the store gives to demo participants, who are in an export only when it was asked for."""
+_TICK_TYPES: dict[str, Any] = {
+    "participant": "str",
+    "trial": "int64",
+    "task": "float64",
+    "tick": "int64",
+    "source": "str",
+    "after_pause": "int64",
+    "belief": "str",
+    "entropy": "float64",
+}
+_BLOCK_ROWS = 200_000
+
+
+class AnalysisError(StudyError):
+    """Data that cannot be analysed: what is wrong, and what would mend it."""
+
+
+class LightTick(NamedTuple):
+    """The part of a tick that is measured."""
+
+    participant: str
+    trial: int
+    task: int
+    tick: int
+    source: str
+    after_pause: int
+    belief: str
+    entropy: float
+
+
+@dataclass(frozen=True)
+class AlertSummary:
+    """The distractor under one condition."""
+
+    condition: str
+    raised: int
+    answered: int
+    correct: int
+    median_answer_s: float | None
+    """Trial time from the alert to its answer."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Failed tasks of one kind, condition and reason."""
+
+    condition: str
+    kind: str
+    reason: str
+    tasks: int
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What a reader has to know about the data before believing the tables."""
+
+    participants: int
+    complete_participants: int
+    """With a completed trial under every condition that occurs."""
+    demo_participants: int
+    trials: int
+    trials_left_out: dict[str, int]
+    """Outcome to number of trials that were not completed."""
+    ticks: int
+    missing_ticks: int
+    pauses: int
+    overruns: int
+    position_counts: dict[str, dict[int, int]]
+    """Condition to place in the order to number of trials: equal when counterbalanced."""
+    failures: tuple[Failure, ...]
+    alerts: tuple[AlertSummary, ...]
+    missing_surveys: dict[str, int]
+    """Questionnaire to completed trials without it."""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A loaded export."""
+
+    name: str
+    meta: dict[str, Any]
+    conditions: tuple[str, ...]
+    participants: tuple[ParticipantRow, ...]
+    trials: tuple[TrialRow, ...]
+    measures: Measures
+    scores: tuple[SurveyScore, ...]
+    parameters: dict[str, tuple[dict[str, Any], ...]]
+    """Condition to the different sets of arbiter parameters its trials ran with; one, unless the study was changed."""
+    studies: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """File name to the study file's contents."""
+    quality: Quality = field(kw_only=True)
+
+
+def load(folder: Path | str) -> DataSet:
+    """Read and measure an export (of `salab export` or `salab simulate`).
+
+    Raises `StudyError` with one sentence for a folder that is none, a foreign schema version, missing columns, bad
+    cells, demo data alone, no completed trial, or one condition alone.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise AnalysisError(f"{folder}: no such folder; give the folder that `salab export` or `salab simulate` wrote")
+    meta = read_meta(folder)
+    everyone: list[ParticipantRow] = read_table(folder, "participants")
+    people = [row for row in everyone if not _DEMO.match(row.participant)]
+    if everyone and not people:
+        raise AnalysisError(
+            f"{folder}: all {len(everyone)} participants are demo participants, which are not analysed; "
+            "export data of real or simulated participants"
+        )
+    names = {row.participant for row in people}
+    all_trials: list[TrialRow] = [row for row in read_table(folder, "trials") if row.participant in names]
+    trials = [row for row in all_trials if row.outcome == "completed"]
+    if not trials:
+        found = ", ".join(f"{count} {outcome}" for outcome, count in Counter(t.outcome for t in all_trials).items())
+        raise AnalysisError(
+            f"{folder}: no completed trial (trials: {found or 'none'}); "
+            "let at least one participant finish, then export again"
+        )
+    if len({row.condition for row in trials}) < 2:
+        raise AnalysisError(
+            f"{folder}: all {len(trials)} completed trials are under {trials[0].condition}; the analysis compares "
+            "conditions, so complete trials under at least two, then export again"
+        )
+    kept = {(row.participant, row.trial) for row in trials}
+    tasks = [row for row in read_table(folder, "tasks") if (row.participant, row.trial) in kept]
+    _check_tasks(folder, trials, tasks)
+    counting = _TickCounter()
+    measures = measure(tasks, counting.through(_ticks(folder), kept))
+    answers = [
+        row
+        for row in read_table(folder, "survey_answers")
+        if row.trial is not None and (row.participant, row.trial) in kept
+    ]
+    scores = survey_scores(answers)
+    alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
+    studies, notes = _studies(folder, meta)
+    parameters, changed = _parameters(trials)
+    data = DataSet(
+        name=folder.name,
+        meta=meta,
+        conditions=conditions_of(measures),
+        participants=tuple(people),
+        trials=tuple(trials),
+        measures=measures,
+        scores=scores,
+        parameters=parameters,
+        studies=studies,
+        quality=_quality(everyone, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed]),
+    )
+    return data
+
+
+class _TickCounter:
+    """Counts ticks and pauses of completed trials while they stream by."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.pauses = 0
+
+    def through(self, ticks: Iterator[LightTick], kept: set[tuple[str, int]]) -> Iterator[LightTick]:
+        for tick in ticks:
+            if (tick.participant, tick.trial) in kept:
+                self.ticks += 1
+                self.pauses += tick.after_pause
+                yield tick
+
+
+def _ticks(folder: Path) -> Iterator[LightTick]:
+    path = folder / "ticks.csv"
+    try:
+        header = pd.read_csv(path, nrows=0).columns
+        missing = [name for name in _TICK_TYPES if name not in header]
+        if missing:
+            raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
+        blocks = pd.read_csv(
+            path,
+            usecols=list(_TICK_TYPES),
+            dtype=_TICK_TYPES,
+            keep_default_na=False,
+            na_values={"task": [""]},
+            chunksize=_BLOCK_ROWS,
+        )
+        for block in blocks:
+            # Resets have no task and are not measured.
+            rows = block[block["task"].notna()]
+            yield from map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
+    except AnalysisError:
+        raise
+    except FileNotFoundError:
+        raise AnalysisError(f"{path}: missing; export the data again") from None
+    except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
+        read_table(folder, "ticks")  # reads slowly, and names the line and the cell
+        raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
+
+
+def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:
+    with_tasks = {(row.participant, row.trial) for row in tasks}
+    without = [row for row in trials if (row.participant, row.trial) not in with_tasks]
+    if without:
+        raise AnalysisError(
+            f"{folder / 'tasks.csv'}: no tasks of participant {without[0].participant}, trial {without[0].trial}, "
+            "which was completed; export the data again"
+        )
+    conditions = {(row.participant, row.trial): row.condition for row in trials}
+    for task in tasks:
+        if task.condition != conditions[task.participant, task.trial]:
+            raise AnalysisError(
+                f"{folder / 'tasks.csv'}: participant {task.participant}, trial {task.trial} is {task.condition} there "
+                f"and {conditions[task.participant, task.trial]} in trials.csv; export the data again"
+            )
+
+
+def _studies(folder: Path, meta: dict[str, Any]) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    several = sorted(folder.glob("study-*.toml"))
+    paths = several or sorted(folder.glob("study.toml"))
+    if not paths:
+        return {}, ["The export holds no study file: the settings of robot, distractor and texts are not stated."]
+    studies = {}
+    for path in paths:
+        try:
+            studies[path.name] = parse_toml(path.read_bytes(), str(path))[0]
+        except OSError as error:
+            raise AnalysisError(f"{path}: cannot be read: {error.strerror or error}") from None
+    notes = []
+    if len(meta.get("studies", ())) > 1:
+        notes.append(
+            f"Participants ran under {len(meta['studies'])} different study files; they are analysed together."
+        )
+    return studies, notes
+
+
+def _parameters(trials: list[TrialRow]) -> tuple[dict[str, tuple[dict[str, Any], ...]], list[str]]:
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for row in trials:
+        try:
+            parameters = json.loads(row.parameters)
+        except ValueError:
+            parameters = None
+        if not isinstance(parameters, dict):
+            raise AnalysisError(
+                f"participant {row.participant}, trial {row.trial}: parameters are not a JSON object; "
+                "export the data again"
+            )
+        found.setdefault(row.condition, {})[json.dumps(parameters, sort_keys=True)] = parameters
+    notes = [
+        f"Trials under {condition} ran with {len(sets)} different sets of parameters; they are analysed together."
+        for condition, sets in found.items()
+        if len(sets) > 1
+    ]
+    return {condition: tuple(sets.values()) for condition, sets in found.items()}, notes
+
+
+def _quality(
+    everyone: list[ParticipantRow],
+    all_trials: list[TrialRow],
+    trials: list[TrialRow],
+    measures: Measures,
+    scores: tuple[SurveyScore, ...],
+    alerts: list[AlertRow],
+    counting: _TickCounter,
+    notes: list[str],
+) -> Quality:
+    conditions = conditions_of(measures)
+    kept = {(row.participant, row.trial) for row in trials}
+    run: dict[str, set[str]] = {}
+    for row in trials:
+        run.setdefault(row.participant, set()).add(row.condition)
+    positions: dict[str, dict[int, int]] = {condition: {} for condition in conditions}
+    for row in trials:
+        places = positions[row.condition]
+        places[row.trial] = places.get(row.trial, 0) + 1
+    failed = Counter(
+        (task.condition, task.kind, task.reason or "unknown") for task in measures.tasks if task.outcome == "failure"
+    )
+    instruments = sorted({item.instrument for item in scores})
+    missing = {
+        name: len(kept) - sum(item.instrument == name for item in scores)
+        for name in instruments
+        if sum(item.instrument == name for item in scores) < len(kept)
+    }
+    return Quality(
+        participants=len(run),
+        complete_participants=sum(of == set(conditions) for of in run.values()),
+        demo_participants=sum(bool(_DEMO.match(row.participant)) for row in everyone),
+        trials=len(trials),
+        trials_left_out=dict(Counter(row.outcome for row in all_trials if row.outcome != "completed")),
+        ticks=counting.ticks,
+        missing_ticks=sum(task.missing_ticks for task in measures.tasks),
+        pauses=counting.pauses,
+        overruns=sum(row.overruns for row in trials),
+        position_counts=positions,
+        failures=tuple(Failure(*key, count) for key, count in sorted(failed.items())),
+        alerts=tuple(
+            _alert_summary(condition, [alert for alert in alerts if alert.condition == condition])
+            for condition in conditions
+        ),
+        missing_surveys=missing,
+        notes=tuple(notes),
+    )
+
+
+def _alert_summary(condition: str, alerts: list[AlertRow]) -> AlertSummary:
+    answered = [alert for alert in alerts if alert.status == "answered"]
+    waits = sorted(a.answered_trial_s - a.due_trial_s for a in answered if a.answered_trial_s is not None)
+    return AlertSummary(
+        condition=condition,
+        raised=len(alerts),
+        answered=len(answered),
+        correct=sum(alert.correct == 1 for alert in answered),
+        median_answer_s=float(pd.Series(waits).median()) if waits else None,
+    )
