@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from sim.ik import reachable
+from sim.ik import solve
 from sim.interface import Bin, SceneSpec, WorldState
 
 LIFT_M = 0.03
@@ -51,7 +51,7 @@ def pickup_verdict(scene: SceneSpec, world: WorldState, object_id: str, waited_o
         return None
     if now.pose.tilt_rad > FALLEN_TILT_RAD:
         return Verdict("failure", "knocked_over")
-    if not bool(reachable(np.array([now.grasp_world_m]))[0]):
+    if solve(now.grasp_world_m)[1]:
         return Verdict("failure", "out_of_reach")
     return None
 

@@ -21,13 +21,13 @@ alone: `CycleStart` is all that has to be remembered.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from app.autonomy.arbiter import decide
+from app.autonomy.arbiter import choose
 from app.autonomy.belief import Belief
 from app.autonomy.transition import TransitionModel
 from app.motion import motion_segments, unit_direction
@@ -273,7 +273,7 @@ class TrialEngine:
         goals = self._goals()
         parameters = self.setup.parameters
         autonomous = operator.direction is None and parameters.condition != "teleoperation"
-        decision = decide(
+        choice = choose(
             self.world.position_world_gripper_m,
             self._momentum,
             np.array(list(goals.values())),
@@ -282,8 +282,8 @@ class TrialEngine:
             parameters,
             self._feasible(parameters.transition) if autonomous else None,
         )
-        self._belief = Belief(self._belief.goal_ids, decision.evaluation.posterior)
-        user, action, source = operator.direction, decision.direction, "user"
+        self._belief = Belief(self._belief.goal_ids, choice.posterior)
+        user, action, source = operator.direction, choice.direction, "user"
         if user is None:
             source = "robot" if autonomous else "idle"
         segments = motion_segments(parameters.transition, self._momentum, action)
@@ -291,11 +291,16 @@ class TrialEngine:
         chosen = action if source != "idle" else None
         return _Tick(self._row(operator, source, user, chosen, None), segments, verdict, action)
 
-    def _feasible(self, model: TransitionModel) -> np.ndarray:
-        """Which of the 27 actions the arm can do from here without pushing anything over, shape (27,)."""
+    def _feasible(self, model: TransitionModel) -> Callable[[int], bool]:
+        """Whether the arm can do an action from here, and pushes nothing over."""
         reach_m = self.setup.timing.speed_m_s * TICK_S
         ways_m = reach_m / model.step_m * model.displacements(self._momentum)
-        return self._robot.feasible(ways_m) & clear(self.world, self.scene, ways_m)
+        pushes_nothing = clear(self.world, self.scene, ways_m)
+
+        def feasible(action: int) -> bool:
+            return bool(pushes_nothing[action]) and bool(self._robot.feasible(ways_m[action : action + 1])[0])
+
+        return feasible
 
     def _row(
         self,

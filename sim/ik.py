@@ -183,6 +183,10 @@ def segment_feasible(start_world_m: Vector3, displacements_m: FloatArray) -> NDA
     Samples every path as finely as the longest one needs. Zero displacements are always feasible.
     """
     moves = np.asarray(displacements_m, dtype=np.float64).reshape(-1, 3)
+    if len(moves) == 1:
+        x_m, y_m, z_m = start_world_m
+        dx_m, dy_m, dz_m = moves[0].tolist()
+        return np.array([path_code(start_world_m, (x_m + dx_m, y_m + dy_m, z_m + dz_m)) == 0])
     lengths_m = np.linalg.norm(moves, axis=1)
     longest_m = float(lengths_m.max(initial=0.0))
     if longest_m == 0.0:

@@ -14,7 +14,7 @@ The three conditions differ only at the end: ``teleoperation`` takes the person'
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -52,6 +52,9 @@ PresetName = Literal["paper", "lab"]
 
 TIE_TOLERANCE = 1e-12
 """Scores this close to the best are equal: the previous direction is kept, else the lowest index wins."""
+
+_NEAREST_OTHER = float(np.sqrt(2.0 - 2.0 * np.sqrt(2.0 / 3.0)))
+"""Distance between the two nearest of the 27 unit directions, an edge's and a corner's."""
 
 
 @dataclass(frozen=True)
@@ -219,12 +222,9 @@ def evaluate(
     entropy = belief_entropy(posterior)
 
     information_gain = expected_information_gain(position, moving, goals, posterior, model, rationality_per_m)
-    hindsight_reward = rewards_m @ posterior
-    f1, f2 = entropy_weights(entropy, parameters.entropy_floor)
-    alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
-    score = alpha * f1 * information_gain + parameters.beta * f2 * hindsight_reward
-    score += parameters.gamma * disagreement(user_index)
-
+    score, hindsight_reward = _score(
+        position, moving, goals, rewards_m, posterior, user_index, parameters, information_gain
+    )
     previous = nearest_action(moving)
     selection_bonus = np.zeros(ACTION_COUNT)
     if previous is not None and user_index is None:
@@ -243,6 +243,92 @@ def evaluate(
         selection_bonus=frozen(selection_bonus),
         chosen=chosen,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What a tick needs of an evaluation: the belief after it (G,), read-only, and an index into ``DIRECTIONS``."""
+
+    posterior: FloatArray
+    chosen: int
+
+    @property
+    def direction(self) -> Direction:
+        """The chosen action."""
+        return DIRECTIONS[self.chosen]
+
+
+def choose(
+    position_m: npt.ArrayLike,
+    momentum: npt.ArrayLike,
+    goals_m: npt.ArrayLike,
+    prior: npt.ArrayLike | None,
+    user_action: Sequence[int] | None,
+    parameters: ArbiterParameters,
+    feasible: Callable[[int], bool] | None = None,
+) -> Choice:
+    """Posterior and choice of ``evaluate``, bit for bit, without working out what they do not rest on.
+
+    Nothing is weighed under ``teleoperation``, nor when gamma is so large that the person's action cannot be outbid;
+    without a weight, information is not looked at; nothing is learned from no action.
+
+    Args:
+        feasible: whether the arm can do the action of that index; asked only for those that come first.
+        others: as for ``evaluate``, errors too.
+    """
+    user_index = None if user_action is None else index_of(user_action)
+    goals = checked_goals_m(goals_m)
+    goal_count = goals.shape[0]
+    belief = np.full(goal_count, 1.0 / goal_count) if prior is None else checked_probabilities(prior, goal_count)
+    if parameters.condition == "teleoperation" and user_index is None:
+        return Choice(frozen(belief.copy()), NULL_ACTION)
+    model = parameters.transition
+    rewards_m = goal_rewards_m(position_m, momentum, goals, model)
+    if user_index is not None:
+        belief = bayes_update(belief, log_softmax(parameters.rationality_per_m * rewards_m, axis=0)[user_index])
+        if parameters.condition == "teleoperation" or _cannot_be_outbid(parameters):
+            return Choice(frozen(belief), user_index)
+    values = _score(position_m, momentum, goals, rewards_m, belief, user_index, parameters)[0]
+    previous = nearest_action(momentum)
+    if previous is not None and user_index is None:
+        values[previous] += parameters.stickiness
+    allowed = np.ones(ACTION_COUNT, dtype=np.bool_)
+    while True:
+        chosen = select(values, previous, allowed)
+        if not allowed.any() or chosen == user_index or feasible is None or feasible(chosen):
+            return Choice(frozen(belief.copy()), chosen)
+        allowed[chosen] = False
+
+
+def _score(
+    position_m: npt.ArrayLike,
+    momentum: npt.ArrayLike,
+    goals: FloatArray,
+    rewards_m: FloatArray,
+    posterior: FloatArray,
+    user_index: int | None,
+    parameters: ArbiterParameters,
+    information_gain: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """The whole sum for all 27 actions, and R_HO; information is worked out if it has a weight and is not given."""
+    f1, f2 = entropy_weights(belief_entropy(posterior), parameters.entropy_floor)
+    hindsight_reward = rewards_m @ posterior
+    score = parameters.beta * f2 * hindsight_reward
+    alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
+    if alpha > 0.0:
+        if information_gain is None:
+            information_gain = expected_information_gain(
+                position_m, momentum, goals, posterior, parameters.transition, parameters.rationality_per_m
+            )
+        score += alpha * f1 * information_gain
+    score += parameters.gamma * disagreement(user_index)
+    return score, hindsight_reward
+
+
+def _cannot_be_outbid(parameters: ArbiterParameters) -> bool:
+    """Whether gamma alone decides: a gain is at most 1, a reward at most a step either way."""
+    most = parameters.alpha + parameters.beta / parameters.entropy_floor * 2.0 * parameters.transition.step_m
+    return parameters.gamma * _NEAREST_OTHER > 2.0 * most + TIE_TOLERANCE
 
 
 def decide(
