@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -69,10 +69,7 @@ def _add_errors(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def invalid(_: Request, error: RequestValidationError) -> JSONResponse:
         """What is wrong, without echoing what was sent (it may be NaN, or megabytes)."""
-        problems = [
-            {"field": ".".join(str(part) for part in item["loc"][1:]) or "body", "message": item["msg"]}
-            for item in error.errors()
-        ]
+        problems = [{"field": _field(item["loc"]), "message": item["msg"]} for item in error.errors()]
         detail = "; ".join(f"{problem['field']}: {problem['message']}" for problem in problems[:20])
         return JSONResponse({"detail": detail, "problems": problems[:20]}, 422)
 
@@ -86,6 +83,12 @@ def _add_errors(app: FastAPI) -> None:
         for name, value in SECURITY_HEADERS.items():
             response.headers.setdefault(name, value)
         return response
+
+
+def _field(place: Sequence[str | int]) -> str:
+    """The name of what is wrong; JSON that cannot be read at all has only a position."""
+    inner = place[1:]
+    return ".".join(str(part) for part in inner) if inner and isinstance(inner[0], str) else "body"
 
 
 def _too_large(request: Request) -> Response | None:

@@ -335,7 +335,7 @@ class LiveSession:
             await self._commit(submission=message.id, events=events)
             acknowledge(client, message.id)
             return
-        if message.step == "start" and not self._worker_ready:
+        if message.step == "start" and self.session.worker and not self._worker_ready:
             raise Refused("illegal", ("step", "the robot is not ready yet"))
         await self._advance(
             outcome.event,

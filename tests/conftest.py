@@ -147,3 +147,17 @@ def start_lab(tmp_path: Path) -> Iterator[Callable[..., LabServer]]:
     yield start
     for server in reversed(running):
         server.close()
+
+
+@pytest.fixture(scope="session")
+def quick_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
+    """One lab for the whole session that needs no physics engine: the short study, in lockstep, without a scene.
+
+    A participant made with `pace="real_time"` runs against the clock.
+    """
+    from tests.wire_client import write_study
+
+    folder = tmp_path_factory.mktemp("quick")
+    arguments = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", str(write_study(folder)))
+    with labs.start(folder / "data", *arguments) as running:
+        yield running
