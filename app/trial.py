@@ -312,8 +312,8 @@ class TrialEngine:
     ) -> dict[str, Any]:
         """The part of the row that is known at the start of the tick."""
         resetting = source == "reset"
-        belief = self._belief if not resetting else None
         goals = self._goals()
+        belief = self._belief or Belief.uniform(tuple(goals))
         p, m = self.world.position_world_gripper_m, self._momentum
         user_xyz: tuple[int | None, ...] = user if user is not None else (None, None, None)
         action_xyz: tuple[int | None, ...] = action if action is not None else (None, None, None)
@@ -335,8 +335,8 @@ class TrialEngine:
             "gripper_input": pressed,
             "after_pause": int(operator.after_pause),
             "goals": _json({name: list(position) for name, position in goals.items()}),
-            "belief": _json(belief.as_dict() if belief else dict.fromkeys(goals, 1.0 / len(goals))),
-            "entropy": belief.entropy if belief else Belief.uniform(tuple(goals)).entropy,
+            "belief": _json(belief.as_dict()),
+            "entropy": belief.entropy,
             "input_seq": operator.seq,
         }
 

@@ -104,8 +104,8 @@ class Worker:
     def _rerun(self) -> int | None:
         mismatch = None
         for operator, digest in self._spec.log:
-            if self._engine.finished:
-                break  # it went another way this time, and `mismatch` says since when
+            if self._engine.finished:  # it went another way this time
+                return self._engine.next_tick if mismatch is None else mismatch
             result = self._engine.tick(operator)
             if result.row.digest != digest and mismatch is None:
                 mismatch = result.row.tick

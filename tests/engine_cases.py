@@ -219,6 +219,11 @@ class StagedRobot:
             x_m, y_m, z_m = self.scenes[-1].object(object_id).rest_pose.position_world_m
             self.put(object_id, (x_m, y_m, z_m + lifted_m), settled=False)
 
+    def put_down(self, object_id: str) -> None:
+        """Let go of an object; it is falling."""
+        self.held = None
+        self._objects[object_id] = replace(self._objects[object_id], settled=False)
+
     def put(self, object_id: str, position_m: Vector3, *, tilt_rad: float = 0.0, settled: bool = True) -> None:
         """An object's centre, tilted about y."""
         pose = Pose(position_m, (math.cos(tilt_rad / 2.0), 0.0, math.sin(tilt_rad / 2.0), 0.0))

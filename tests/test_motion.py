@@ -55,6 +55,19 @@ def test_a_tick_ends_where_the_model_says(
     np.testing.assert_allclose(executed_m(model, momentum, action), modelled_m, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kept", [(1, 0, 1), (1, 1, 0), (0, 0, 1)])
+def test_going_on_in_what_the_limits_left_of_a_direction_ends_where_the_model_says(
+    kind: TransitionKind, kept: tuple[int, int, int]
+) -> None:
+    """Shorter than 1: for `replan` it continues, for `mix` the delay still counts at the old speed."""
+    third = 3.0**-0.5
+    momentum = (kept[0] * third, kept[1] * third, kept[2] * third)
+    model = TransitionModel(kind, 0.05, 0.2)
+    modelled_m = model.displacements(momentum)[index_of(kept)] * (SPEED_M_S * TICK_S / model.step_m)
+    np.testing.assert_allclose(executed_m(model, momentum, kept), modelled_m, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [

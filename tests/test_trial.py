@@ -216,6 +216,22 @@ def test_a_press_while_the_fingers_are_busy_is_ignored() -> None:
     assert rows[1].gripper_input is None
 
 
+def test_a_press_while_an_object_falls_is_ignored() -> None:
+    robot = StagedRobot(
+        {0: lambda world: world.hold("spray_bottle", 0.05), 1: lambda world: world.put_down("spray_bottle")}
+    )
+    rows = rows_of(run(opened(trial_setup(), robot), [HANDS_OFF, push(UP), CLOSE, HANDS_OFF]))
+    assert [row.gripper_input for row in rows] == [None] * 4
+    assert {command.gripper for command in robot.commands} == {"hold"}
+
+
+def test_after_a_reset_the_fingers_are_open_and_can_be_closed() -> None:
+    lost = StagedRobot({1: lambda world: world.put("spray_bottle", (0.77, 0.70, 0.1))})
+    inputs = [CLOSE, *[HANDS_OFF] * (1 + RobotTiming().reset_ticks), CLOSE]
+    rows = rows_of(run(opened(trial_setup(), lost), inputs))
+    assert [row.source for row in rows] == ["gripper"] * 2 + ["reset"] * 4 + ["gripper"]
+
+
 def test_a_press_that_would_change_nothing_is_ignored() -> None:
     inputs = [OPEN, OperatorInput(FORWARD, "open"), CLOSE, HANDS_OFF, CLOSE, OperatorInput(FORWARD, "close"), OPEN]
     rows = rows_of(run(opened(trial_setup()), inputs))

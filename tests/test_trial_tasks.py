@@ -18,6 +18,7 @@ from tests.engine_cases import (
     PLACEMENT,
     UP,
     Person,
+    Stage,
     StagedRobot,
     drive,
     events_of,
@@ -146,6 +147,18 @@ def test_an_object_that_never_comes_to_rest_is_judged_when_the_wait_is_over() ->
     results = idle_until_over(rolling)
     assert tasks_of(results)[0].reason == "knocked_over"
     assert len(results) == RobotTiming().settle_timeout_ticks
+
+
+def test_an_object_that_was_still_in_between_is_waited_for_anew() -> None:
+    rest_m = trial_setup().cycles[0].scene.object(TARGET).rest_pose.position_world_m
+
+    def lean(settled: bool) -> Stage:
+        return lambda world: world.put(TARGET, rest_m, tilt_rad=0.1 if settled else 1.0, settled=settled)
+
+    robot = StagedRobot({tick: lean(tick == 8) for tick in range(20)})
+    results = idle_until_over(robot)
+    assert len(results) == 9 + RobotTiming().settle_timeout_ticks
+    assert tasks_of(results)[0].reason == "knocked_over"
 
 
 def test_an_object_that_trembles_but_stands_is_waited_for() -> None:

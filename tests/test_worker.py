@@ -167,6 +167,15 @@ def test_a_press_made_while_the_robot_was_held_is_not_executed_late(monkeypatch:
     assert rows[-1].input_seq == 3
 
 
+def test_what_was_held_down_before_a_silence_is_not_taken_up_again_on_an_old_message(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A heartbeat from before the last input arrives late: somebody is there, but what they do now is not known."""
+    schedule = [(0.9, Hands(2, FORWARD)), (1.0, Begin()), *beats(3.2, 4.0, 1, FORWARD), (3.9, Stop())]
+    rows = [report.result.row for report in of(simulate(monkeypatch, spec(), KinematicRobot(), schedule), Ticked)]
+    assert [row.source for row in rows] == ["user", "idle"]
+
+
 def test_a_page_never_heard_of_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     schedule = [(1.0, Begin()), *beats(3.3, 4.5), (4.2, Stop())]
     sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule)
@@ -340,6 +349,13 @@ def test_a_log_that_led_elsewhere_is_reported_with_its_first_tick(monkeypatch: p
         log[tampered] = (log[tampered][0], "0" * 16)
     (ready,) = lockstep(monkeypatch, [], spec("lockstep", tuple(log)))
     assert ready.mismatch == 2
+
+
+def test_a_log_that_goes_on_after_the_end_is_a_mismatch(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = drive(opened(trial_setup(pickups=PICKUPS[:1])), Person())
+    log = (*log_of(results), (HANDS_OFF, "0" * 16), (HANDS_OFF, "0" * 16))
+    (ready,) = lockstep(monkeypatch, [], spec("lockstep", log, pickups=PICKUPS[:1]))
+    assert (ready.finished, ready.mismatch) == (True, len(results))
 
 
 def test_only_the_current_cycle_is_re_run(monkeypatch: pytest.MonkeyPatch) -> None:
