@@ -351,6 +351,12 @@ class LiveSession:
         if client.role != ("panel" if placement == "second_device" else "participant"):
             raise Refused("illegal", ("step", f"in this study readings are shown and logged on: {placement}"))
         data, utc = parse(AlertData, message.data), self._around.now_utc()
+        if self._distractor.alert(data.alert) is None and not self.session.is_ticking:
+            # The trial ended while this was on its way: nobody did anything wrong.
+            late = self._event(f"{message.step}_too_late", "participant", data.model_dump())
+            await self._commit(submission=message.id, events=(late,))
+            acknowledge(client, message.id)
+            return
         if self._distractor.alert(data.alert) is None:
             raise Refused("invalid", ("data.alert", f"no reading {data.alert} has been shown in this trial"))
         events: tuple[EventRow, ...] = ()

@@ -36,6 +36,8 @@ COVER = """() => {
   return [visible("alert"), reading];
 }"""
 
+PLANNING_DELAY = 0.2
+
 Device = Literal["keyboard", "gamepad"]
 Direction = tuple[int, int, int]
 NOTHING: Direction = (0, 0, 0)
@@ -51,6 +53,7 @@ class BrowserPerson:
         self._shot = shot
         self._step_m = step_m
         self._held: Direction = NOTHING
+        self._held_before: Direction = NOTHING
         self._ticks = 0
         self._logged: str | None = None
         page.add_init_script(path=TELEMETRY)
@@ -231,11 +234,15 @@ class BrowserPerson:
         self.hold(NOTHING)
 
     def _ahead(self, world: dict[str, Any]) -> tuple[float, float, float]:
-        """Where the gripper will be after the tick that runs now, with the controls as they are held."""
-        length = sum(value * value for value in self._held) ** 0.5 or 1.0
+        """Where the gripper would come to rest if everything were let go now.
+
+        The tick that runs now still moves with the controls as they are held, and in this study a fifth of each tick
+        goes on in the direction of the one before (the planning delay).
+        """
+        before, now = _unit(self._held_before), _unit(self._held)
         x_m, y_m, z_m = (
-            position + self._step_m * value / length
-            for position, value in zip(world["position_m"], self._held, strict=True)
+            position + self._step_m * (held + PLANNING_DELAY * was)
+            for position, held, was in zip(world["position_m"], now, before, strict=True)
         )
         return x_m, y_m, z_m
 
@@ -244,7 +251,7 @@ class BrowserPerson:
         for axis, (before, after) in enumerate(zip(self._held, direction, strict=True)):
             if before != after:
                 self._set_axis(axis, before, after)
-        self._held = direction
+        self._held_before, self._held = self._held, direction
 
     def _set_axis(self, axis: int, before: int, after: int) -> None:
         if self.device == "keyboard":
@@ -280,3 +287,8 @@ class BrowserPerson:
             self.page.keyboard.type(re.sub(r"[^0-9.]", "", reading))
             self.page.keyboard.press("Enter")
         return bool(covering)
+
+
+def _unit(direction: Direction) -> tuple[float, float, float]:
+    length = sum(value * value for value in direction) ** 0.5 or 1.0
+    return direction[0] / length, direction[1] / length, direction[2] / length

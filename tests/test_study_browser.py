@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.browser, pytest.mark.bullet, pytest.mark.slow]
 
-SPEED_M_S = 0.06
+SPEED_M_S = 0.05
 STEP_M = SPEED_M_S * 0.5
 
 
