@@ -96,10 +96,12 @@ def test_looking_at_the_world_between_slices_changes_nothing() -> None:
     plain, watched = opened(trial_setup("balanced")), opened(trial_setup("balanced"))
     for operator in [push(FORWARD), HANDS_OFF, CLOSE, HANDS_OFF, push(FORWARD)]:
         watched.begin(operator)
+        before = {watched.world.digest()}
         for _ in range(SLICES_PER_TICK):
             watched.advance()
-            watched.world.digest()
             watched.view()
+            assert watched.world.digest() not in before  # its time alone has moved on
+            before.add(watched.world.digest())
         assert watched.end() == plain.tick(operator)
 
 
