@@ -343,7 +343,7 @@ class LiveSession:
             submission=message.id,
             answers=outcome.answers,
             consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
-            waiting=client,
+            on_disk=lambda: acknowledge(client, message.id),
         )
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
@@ -441,17 +441,20 @@ class LiveSession:
             "alerts": [item.alert for item in changed],
             "cycle": result.cycle_start,
         }
-        distractor, trial_s = self._distractor, self._trial_s
         show = self._around.study.show_assistance
         tick = pages.tick_message(result, report.seq, before, labels, practice, show)
-        if not result.finished:
-            await self._commit(events=events, **rows)
+
+        def show_all() -> None:
+            self._audience.show_world(self._world)
+            self._audience.show_tick(tick)
+            for item in changed:
+                self._audience.show_reading(item, self._distractor, self._trial_s)
+
+        if result.finished:
+            await self._phase_done(tuple(events), on_disk=show_all, **rows)
         else:
-            await self._phase_done(tuple(events), **rows)
-        self._audience.show_world(self._world)
-        self._audience.show_tick(tick)
-        for item in changed:
-            self._audience.show_reading(item, distractor, trial_s)
+            await self._commit(events=events, **rows)
+            show_all()
 
     def _advance_distractor(self, finished: bool) -> tuple[Any, ...]:
         plan = self.enrolment.plan.trial(self.session.trial)
@@ -522,11 +525,10 @@ class LiveSession:
         self,
         event: Event,
         events: tuple[EventRow, ...] = (),
-        waiting: Client | None = None,
-        submission: str | None = None,
+        on_disk: Callable[[], None] = lambda: None,
         **rows: Any,
     ) -> None:
-        """Take an event of the protocol: commit, acknowledge, carry out its effects, show the new page."""
+        """Take an event of the protocol: commit, call `on_disk`, carry out its effects, show the new page."""
         before = self.session
         after, effects = protocol.advance(before, event, self._around.now_unix_s())
         if after != before:
@@ -541,10 +543,9 @@ class LiveSession:
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             self.vitals.overruns = 0
             rows["trials"] = (replace(self._around.trial_row(after.trial), started_utc=self._around.now_utc()),)
-        await self._commit(session=after, events=events, submission=submission, **rows)
+        await self._commit(session=after, events=events, **rows)
         self.session = after
-        if waiting is not None and submission is not None:
-            acknowledge(waiting, submission)
+        on_disk()
         await self._carry_out(effects)
         if after.worker and after.state != "paused" and self._worker is None:
             await self._replace_worker(*after.worker)

@@ -159,6 +159,7 @@ export class DriveView {
   }
 
   _onTick(tick) {
+    if (!this._ticking()) return; // the last of a phase whose page is gone already
     this.tick = tick;
     if (this.status !== "paused") this.status = null;
     this._instruct(tick.instruction);
