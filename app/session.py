@@ -87,6 +87,7 @@ class LiveSession:
         self._distractor = resumed.distractor
         self._tick: int | None = resumed.tick
         self._trial_s = 0.0 if resumed.tick is None else (resumed.tick + 1) * TICK_S
+        self._next_tick_unix_s = 0.0
         self._last_seq = resumed.last_seq
         self._world: World | None = None
         self._panel_link: str | None = None
@@ -258,10 +259,12 @@ class LiveSession:
         """Whether the pad is ignored at the start of the tick that the hands of this moment are for.
 
         In real time that is the tick after the running one, so that not even the first tick of a reading is driven.
+        (A tick is reported when its last slice is done, a little before the next one starts.)
         """
         if self.session.place != "trial":
             return False
-        runs = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.held
+        is_paced = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.held
+        runs = is_paced and self._around.now_unix_s() >= self._next_tick_unix_s
         start_s = self._trial_s + TICK_S if runs else self._trial_s
         then, _ = self._distractor.advance(start_s, lambda number: "")
         return then.locked(start_s)
@@ -428,6 +431,7 @@ class LiveSession:
         labels = self._around.labels
         before = pages.instruction(self.view, labels, practice) if self.view else None
         self._tick, self._trial_s, self.view = row.tick, (row.tick + 1) * TICK_S, result.view
+        self._next_tick_unix_s = report.started_unix_s - (report.late_ms or 0.0) / 1000.0 + TICK_S
         self._world = World(**vars(report.sight))
         events = [self._event(event.kind, "robot", dict(event.data)) for event in result.events]
         if report.missed or (report.late_ms or 0.0) > OVERRUN_MS:

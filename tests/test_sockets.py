@@ -127,7 +127,6 @@ async def test_steps_of_other_states_are_refused_with_what_is_allowed(consent_pl
         ("setup", {"device": "keyboard", "sound": True, "dead_zone": 1.5}, "data.dead_zone"),
         ("setup", {"device": "gamepad", "sound": True, "mapping": {"a": "x" * 8000}}, "data.mapping"),
         ("demographics", {"answers": {"age_group": "old"}}, "answers.age_group"),
-        ("alert_answer", {"alert": 1, "value": "1.0"}, "data.alert"),
         ("alert_shown", {"alert": 0}, "data.alert"),
     ],
 )
