@@ -114,6 +114,13 @@ class Audience:
             message = AlertClosed(alert=reading.alert, status=reading.status, release_in_s=release_in_s)
         self._tell("panel" if settings.placement == "second_device" else "participant", message)
 
+    def show_cover(self, distractor: DistractorState, trial_s: float) -> None:
+        """To a page that comes in between: the open reading, or that the controls are not back yet."""
+        if distractor.open_alert is not None:
+            self.show_reading(distractor.open_alert, distractor, trial_s)
+        elif distractor.locked(trial_s):
+            self.show_reading(distractor.alerts[-1], distractor, trial_s)
+
     def _tell(self, role: Role, message: Message) -> None:
         client = self._clients[role]
         if client is not None:

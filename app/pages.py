@@ -207,7 +207,9 @@ def _done(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _ended(session: Session, context: PageContext) -> dict[str, Any]:
-    return {"text": list(context.study.texts.withdrawn), "completion_link": None}
+    texts = context.study.texts
+    words = texts.aborted if session.state == "aborted" else texts.withdrawn
+    return {"text": list(words), "completion_link": None}
 
 
 def _paused(session: Session, context: PageContext) -> dict[str, Any]:

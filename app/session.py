@@ -205,7 +205,7 @@ class LiveSession:
         if status is not None:
             client.deliver(status)
         self._audience.show_world(self._world)
-        self._audience.show_reading(self._distractor.open_alert, self._distractor, self._trial_s)
+        self._audience.show_cover(self._distractor, self._trial_s)
 
     async def _on_detach(self, work: _Work) -> None:
         client = _present(work.client)

@@ -66,6 +66,7 @@ export class AlertView extends EventTarget {
 
   /** The lab says it is over. */
   closed({ alert, status, release_in_s }) {
+    if (this.phase === "idle" && this.away && release_in_s > 0) return this._coverAgain(alert, release_in_s);
     if (this.alert?.alert !== alert || this.phase === "idle") return;
     this.sound.silence();
     this.phase = "waiting";
@@ -74,6 +75,20 @@ export class AlertView extends EventTarget {
     const words = { answered: "Saved.", expired: "Time is up for this reading.", trial_ended: "The round has ended." };
     setText(this.result, words[status] ?? "This reading is over.");
     this._redraw();
+  }
+
+  /** After a reload: the reading is dealt with, but the controls are not back yet. */
+  _coverAgain(alert, releaseS) {
+    this.alert = { alert, answer_within_s: 0 };
+    this.elapsedS = 0;
+    this.phase = "waiting";
+    this.releaseS = releaseS;
+    this._reported = true;
+    setText(this.reading, "");
+    setText(this.result, "This reading is logged.");
+    this._redraw();
+    this._show();
+    this.dispatchEvent(new CustomEvent("open"));
   }
 
   /** Trial time stands still, or goes on. */

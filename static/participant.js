@@ -54,6 +54,7 @@ function replace(next, identity) {
 }
 
 function showPage(page) {
+  shell.rest(OVER.has(page.state));
   shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" });
   if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
     if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");

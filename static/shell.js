@@ -117,6 +117,11 @@ export class Shell {
     this.stop.hidden = !stop;
   }
 
+  /** The study is over for this person: whether the lab still runs is no longer their concern. */
+  rest(resting) {
+    this.connection.hidden = resting;
+  }
+
   _connection() {
     const [sign, text] = CONNECTION[this.socket.state];
     this.connection.dataset.state = this.socket.state;

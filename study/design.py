@@ -128,6 +128,7 @@ class Texts(_Part):
     debrief_questions: tuple[OpenQuestion, ...] = ()
     thanks: Paragraphs
     withdrawn: Paragraphs
+    aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
     completion_link: Annotated[str, Field(strict=True)] = ""
 
 
