@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
+import secrets
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -95,6 +96,7 @@ class Wire:
 
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection
+        self._name = secrets.token_hex(6)
         self._numbers = itertools.count(1)
 
     async def send(self, message: Message) -> None:
@@ -128,8 +130,8 @@ class Wire:
         return identifier
 
     def new_id(self) -> str:
-        """An id for a submission."""
-        return f"bot-{id(self):x}-{next(self._numbers)}"
+        """An id for a submission; no other wire makes the same one, or the lab would take it for a resend."""
+        return f"bot-{self._name}-{next(self._numbers)}"
 
 
 @contextlib.asynccontextmanager
