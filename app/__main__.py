@@ -53,6 +53,14 @@ def _parser() -> argparse.ArgumentParser:
     export.set_defaults(run=_export)
 
     _add_simulate(commands)
+    _add_fit(commands)
+    _add_replicate(commands)
+    _add_power(commands)
+
+    analyze = commands.add_parser("analyze", help="analyse an export: report, figures, tables, measures.json")
+    analyze.add_argument("dir", type=Path, metavar="DIR", help="folder that `salab export` or `salab simulate` wrote")
+    analyze.add_argument("--out", type=Path, required=True, metavar="REPORT", help="folder to write the report into")
+    analyze.set_defaults(run=_analyze)
 
     bot = commands.add_parser("bot", help="complete a whole study over a participant's link")
     bot.add_argument("--url", required=True, help="a participant's link")
@@ -81,6 +89,53 @@ def _add_simulate(commands) -> None:  # type: ignore[no-untyped-def]
     simulate.add_argument("--workers", type=int, default=1, help="processes; the data are the same for any number")
     simulate.add_argument("--out", type=Path, required=True, help="folder to write into, laid out as by `salab export`")
     simulate.set_defaults(run=_simulate)
+
+
+def _add_fit(commands) -> None:  # type: ignore[no-untyped-def]
+    fit = commands.add_parser(
+        "fit",
+        help="calibrate simulated participants on the paper's pure teleoperation",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    fit.add_argument("--transition", choices=("both", "replan", "mix"), default="both", help="how the robot moves")
+    fit.add_argument("--participants", type=int, default=24, help="simulated people an evaluation rests on")
+    fit.add_argument("--seed", type=int, default=1, help="of everything random")
+    fit.add_argument("--workers", type=int, default=1, help="processes")
+    fit.add_argument("--out", type=Path, default=None, help="file for the values found; none = only print them")
+    fit.set_defaults(run=_fit)
+
+
+def _add_replicate(commands) -> None:  # type: ignore[no-untyped-def]
+    replicate = commands.add_parser(
+        "replicate",
+        help="the paper's comparisons in many simulated studies",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    replicate.add_argument("--studies", type=int, default=200, help="how many studies")
+    replicate.add_argument("--participants", type=int, default=12, help="people in each")
+    replicate.add_argument("--seed", type=int, default=2020, help="of everything random")
+    replicate.add_argument("--workers", type=int, default=1, help="processes; the results are the same for any number")
+    replicate.add_argument("--robot", choices=("kinematic", "bullet"), default="kinematic", help="which robot moves")
+    replicate.add_argument("--preset", choices=("fitted", "paper", "lab"), default="fitted", help="open coefficients")
+    replicate.add_argument("--vary", type=int, default=10, help="studies for each thing that is varied; 0 = none")
+    replicate.add_argument("--out", type=Path, default=None, help="folder for the report and for going on later")
+    replicate.set_defaults(run=_replicate)
+
+
+def _add_power(commands) -> None:  # type: ignore[no-untyped-def]
+    power = commands.add_parser(
+        "power",
+        help="chance of the paper's differences by number of participants",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    power.add_argument("--sizes", type=int, nargs="+", default=[6, 12, 18, 24, 36, 48], help="numbers of participants")
+    power.add_argument("--draws", type=int, default=200, help="studies drawn of every size")
+    power.add_argument("--studies", type=int, default=40, help="studies of 12 to draw people from")
+    power.add_argument("--seed", type=int, default=2020, help="of everything random")
+    power.add_argument("--workers", type=int, default=1, help="processes")
+    power.add_argument("--preset", choices=("fitted", "paper", "lab"), default="fitted", help="open coefficients")
+    power.add_argument("--out", type=Path, required=True, help="folder; studies of `salab replicate` in it are used")
+    power.set_defaults(run=_power)
 
 
 def _port(text: str) -> int:
@@ -188,6 +243,53 @@ def _simulate(options: argparse.Namespace) -> None:
     plan = make_plan(options.seed, options.robot, options.preset, options.study)
     rows = simulate(plan, options.participants, options.workers, options.out, options.preset)
     print(f"{options.participants} simulated participants, {rows['ticks']} ticks: {options.out}")
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from app.fit import run
+
+    variants = ("replan", "mix") if options.transition == "both" else (options.transition,)
+    print(run(variants, options.participants, options.seed, options.workers, options.out))
+
+
+def _analyze(options: argparse.Namespace) -> None:
+    from app.heatmap import heatmap_of
+    from study.analysis import analyse
+    from study.dataset import load
+    from study.report import claim, write_report
+
+    data = load(options.dir)
+    claim(options.out)  # before the work, not after it
+    print(f"report: {write_report(analyse(data), options.out, heatmap_of(data))}")
+
+
+def _replicate(options: argparse.Namespace) -> None:
+    from app.replicate import replicate
+    from app.replication_text import LEGEND, table, write
+    from app.simulate import make_plan
+
+    plan = make_plan(options.seed, options.robot, options.preset)
+    result = replicate(
+        plan, options.preset, options.studies, options.participants, options.workers, options.vary, options.out
+    )
+    print(f"{table(result)}\n\n{LEGEND}")
+    if options.out is not None:
+        write(result, options.out)
+        print(f"report: {options.out / 'replication.md'}")
+
+
+def _power(options: argparse.Namespace) -> None:
+    from app.power import power, table, write
+    from app.replicate import check_place
+    from app.simulate import make_plan
+    from app.studies import run_studies
+
+    check_place(options.out)
+    plan = make_plan(options.seed, "kinematic", options.preset)
+    studies = run_studies(plan, options.studies, 12, options.workers, options.out / "studies")
+    result = power(studies, options.sizes, options.draws, options.seed, options.workers)
+    write(result, options.out)
+    print(f"{table(result)}\nfrom {result.people} simulated people; curves: {options.out / 'power.svg'}")
 
 
 def _bot(options: argparse.Namespace) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -152,7 +153,8 @@ def load(folder: Path | str) -> DataSet:
     tasks = [row for row in read_table(folder, "tasks") if (row.participant, row.trial) in kept]
     _check_tasks(folder, trials, tasks)
     counting = _TickCounter()
-    measures = measure(tasks, counting.through(_ticks(folder), kept))
+    with closing(_ticks(folder)) as ticks:
+        measures = measure(tasks, counting.through(ticks, kept))
     answers = [
         row
         for row in read_table(folder, "survey_answers")
@@ -184,7 +186,7 @@ class _TickCounter:
         self.ticks = 0
         self.pauses = 0
 
-    def through(self, ticks: Iterator[LightTick], kept: set[tuple[str, int]]) -> Iterator[LightTick]:
+    def through(self, ticks: Iterable[LightTick], kept: set[tuple[str, int]]) -> Iterator[LightTick]:
         for tick in ticks:
             if (tick.participant, tick.trial) in kept:
                 self.ticks += 1
@@ -192,25 +194,25 @@ class _TickCounter:
                 yield tick
 
 
-def _ticks(folder: Path) -> Iterator[LightTick]:
+def _ticks(folder: Path) -> Generator[LightTick, None, None]:
     path = folder / "ticks.csv"
     try:
         header = pd.read_csv(path, nrows=0).columns
         missing = [name for name in _TICK_TYPES if name not in header]
         if missing:
             raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-        blocks = pd.read_csv(
+        with pd.read_csv(
             path,
             usecols=list(_TICK_TYPES),
             dtype=_TICK_TYPES,
             keep_default_na=False,
             na_values={"task": [""]},
             chunksize=_BLOCK_ROWS,
-        )
-        for block in blocks:
-            # Resets have no task and are not measured.
-            rows = block[block["task"].notna()]
-            yield from map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
+        ) as blocks:
+            for block in blocks:
+                # Resets have no task and are not measured.
+                rows = block[block["task"].notna()]
+                yield from map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
     except AnalysisError:
         raise
     except FileNotFoundError:

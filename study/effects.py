@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special
+from scipy import integrate, optimize, special, stats
 
 ETA_LEVEL = 0.90
 """Partial eta squared cannot be negative: its 90 % interval excludes 0 exactly when p < .05 (Steiger 2004)."""
@@ -84,9 +84,22 @@ def _standardised(d: float, root_n: float, df: int, level: float, factor: float)
 
     def limit(probability: float) -> float:
         # Falls as the noncentrality grows.
-        return _root(lambda nc: float(special.nctdtr(df, nc, t)) - probability, t - 2.0, t + 2.0) / root_n
+        return _root(lambda nc: _noncentral_t(df, nc, t) - probability, t - 2.0, t + 2.0) / root_n
 
     return Interval(d * factor, limit(0.5 + level / 2.0) * factor, limit(0.5 - level / 2.0) * factor)
+
+
+def _noncentral_t(df: int, noncentrality: float, t: float) -> float:
+    """P(T <= t). With few degrees of freedom scipy's series may give NaN; then by integration over the chi of t."""
+    p = float(special.nctdtr(df, noncentrality, t))
+    if math.isfinite(p):
+        return p
+
+    def density(s: float) -> float:
+        return float(special.ndtr(t * s / math.sqrt(df) - noncentrality) * stats.chi.pdf(s, df))
+
+    middle = math.sqrt(df)
+    return float(integrate.quad(density, 0.0, middle + 12.0, points=[middle], limit=400)[0])
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:

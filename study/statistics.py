@@ -177,13 +177,42 @@ def repeated_measures(
             "participants"
         )
     table = np.array([[cells[level] for level in levels] for cells in complete.values()])  # (n, k)
-    people = [person for person in complete for _ in levels]
-    model = anova(table.ravel(), list(levels) * len(complete), {"participant": people}, levels)
+    model = _within(table, levels)
     if isinstance(model, NotFitted):
         return model
     epsilon = greenhouse_geisser(table)
     corrected = stats.f.sf(model.f, epsilon * model.df_effect, epsilon * model.df_error)
     return RepeatedMeasures(model, len(complete), epsilon, float(corrected))
+
+
+def _within(table: FloatArray, levels: tuple[str, ...]) -> Anova | NotFitted:
+    """The ANOVA with participants as a second factor: a full (n, k) table needs sums of squares only."""
+    people, count = table.shape
+    if reason := problem(table.ravel(), list(levels) * people, levels):
+        return NotFitted(reason)
+    means = table.mean(axis=0)
+    residuals = table - means - table.mean(axis=1, keepdims=True) + table.mean()
+    df_effect, df_error = count - 1, (count - 1) * (people - 1)
+    error = float((residuals**2).sum()) / df_error
+    if error <= NO_VARIANCE * float((table**2).mean()):
+        return NotFitted("participants differ between conditions by the same amount, so that there is nothing to test")
+    f = people * float(((means - means.mean()) ** 2).sum()) / df_effect / error
+    se = math.sqrt(2.0 * error / people)
+    return Anova(
+        f=f,
+        df_effect=df_effect,
+        df_error=df_error,
+        p=float(stats.f.sf(f, df_effect, df_error)),
+        eta_squared=eta_squared(f, df_effect, df_error),
+        mean_square_error=error,
+        observations=table.size,
+        conditions=levels,
+        adjusted_means=tuple(
+            AdjustedMean(level, float(mean), se / math.sqrt(2.0)) for level, mean in zip(levels, means, strict=True)
+        ),
+        contrast_se=tuple(tuple(0.0 if i == j else se for j in range(count)) for i in range(count)),
+        covariates=("participant",),
+    )
 
 
 def greenhouse_geisser(table: npt.ArrayLike) -> float:

@@ -35,14 +35,16 @@ MODULES = {
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
-        app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.cycles
+        app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.heatmap app.cycles
         app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
+        app.paper app.fit app.studies app.shares app.replicate app.power
         app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
         study.store study.writer study.fingerprint study.export
-        study.effects study.factors study.statistics study.mixed study.dataset study.analysis
+        study.effects study.factors study.statistics study.mixed study.dataset study.analysis study.figures
+        study.tables study.wording study.report
     """,
     "pure": """
         app.messages
@@ -70,6 +72,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "viser": frozenset({"sim.scene"}),
     "sqlalchemy": frozenset({"study.store"}),
     "sqlite3": frozenset({"study.store"}),
+    "matplotlib": frozenset({"study.figures"}),
     "statsmodels": frozenset({"study.statistics", "study.mixed"}),
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import ndtr
 from statsmodels.stats.anova import AnovaRM
 
 from study.effects import Interval, NotFitted, d_within, eta_squared, hedges_g
@@ -203,6 +204,18 @@ def test_intervals_of_huge_effects_and_of_none() -> None:
     assert huge.low < huge.value < huge.high
     assert eta_squared(0.0, 2, 100) == Interval(0.0, 0.0, 0.0)
     assert 0.98 < eta_squared(5000.0, 2, 100).low < eta_squared(5000.0, 2, 100).high < 1.0
+
+
+def test_two_participants_have_an_interval_too() -> None:
+    """t = d sqrt(2) = 20 with one degree of freedom, where the library's noncentral t gives up."""
+    found = d_within([10.0, 10.0 + 2**0.5 / 10.0], [0.0, 0.0])
+    assert isinstance(found, Interval)
+    assert found.low < found.value < found.high
+    t, s = found.value * 2**0.5, np.linspace(0.0, 12.0, 240_001)
+    chi = np.sqrt(2.0 / np.pi) * np.exp(-(s**2) / 2.0)  # one degree of freedom
+    for limit, probability in ((found.low, 0.975), (found.high, 0.025)):
+        below = float((ndtr(t * s - limit * 2**0.5) * chi).sum() * s[1])
+        assert below == pytest.approx(probability, abs=1e-4)
 
 
 # ---- what cannot be fitted ------------------------------------------------------------------------------------------

@@ -1,0 +1,446 @@
+"""The figures of the report, as SVG and PNG: sizes in millimetres, the same bytes for the same data.
+
+Every condition has a colour that colour-blind readers tell apart (Okabe and Ito), a marker of its own and a letter, so
+that nothing hangs on colour. Text in SVG stays text.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from study.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend, Observation
+from study.measures import Kind
+
+MM = 1.0 / 25.4
+PNG_DPI = 300
+FULL_WIDTH_MM = 180.0
+HEATMAP_NAME = "fig2_heatmaps"
+MAX_LINES = 40
+"""Participants up to which each one's conditions are joined by a line."""
+
+_STYLE: dict[str, Any] = {
+    "font.size": 7.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 7.0,
+    "xtick.labelsize": 6.5,
+    "ytick.labelsize": 6.5,
+    "legend.fontsize": 6.5,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "shared-autonomy-lab",
+    "path.simplify": True,
+}
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a condition is drawn."""
+
+    colour: str
+    marker: str
+    letter: str
+    name: str
+
+
+_KNOWN_LOOKS = {
+    "teleoperation": Look("#4D4D4D", "o", "T", "pure teleoperation"),
+    "goal_oriented": Look("#0072B2", "s", "G", "goal-oriented"),
+    "balanced": Look("#D55E00", "^", "B", "balanced"),
+}
+_SPARE_LOOKS = (("#009E73", "D"), ("#CC79A7", "v"), ("#56B4E9", "P"), ("#E69F00", "X"), ("#000000", "*"))
+
+
+@dataclass(frozen=True)
+class HeatmapGoal:
+    """A candidate goal on the table plane."""
+
+    name: str
+    x_m: float
+    y_m: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Heatmap:
+    """Values over a plane for the paper's Fig. 2, computed by whoever knows the arbiter.
+
+    `information` and `reward` are (len(x_m), len(y_m)), in units of log |goals| and metres.
+    """
+
+    x_m: npt.NDArray[np.float64]
+    y_m: npt.NDArray[np.float64]
+    information: npt.NDArray[np.float64]
+    reward: npt.NDArray[np.float64]
+    goals: tuple[HeatmapGoal, ...]
+    caption: str
+    """What was computed, with every parameter."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure: its file name without ending, caption and drawing."""
+
+    name: str
+    title: str
+    caption: str
+    svg: str
+    png: bytes
+
+    def write(self, folder: Path) -> None:
+        """`name`.svg and `name`.png."""
+        (folder / f"{self.name}.svg").write_text(self.svg, encoding="utf-8")
+        (folder / f"{self.name}.png").write_bytes(self.png)
+
+
+def looks(conditions: Iterable[str]) -> dict[str, Look]:
+    """A look for every condition: the paper's three always the same, others in turn."""
+    found: dict[str, Look] = {}
+    spare = iter(_SPARE_LOOKS * 3)
+    for condition in conditions:
+        if condition in _KNOWN_LOOKS:
+            found[condition] = _KNOWN_LOOKS[condition]
+        else:
+            colour, marker = next(spare)
+            taken = {look.letter for look in found.values()} | {look.letter for look in _KNOWN_LOOKS.values()}
+            letters = [char.upper() for char in condition if char.isalnum() and char.upper() not in taken]
+            letter = letters[0] if letters else str(len(found) + 1)
+            found[condition] = Look(colour, marker, letter, condition.replace("_", " "))
+    return found
+
+
+def stars(p: float) -> str:
+    """The paper's marks: * p < .05, ** .01, *** .001, **** .0001; nothing above."""
+    return next((mark for bound, mark in ((1e-4, "****"), (1e-3, "***"), (1e-2, "**"), (0.05, "*")) if p < bound), "")
+
+
+def draw_all(analysis: Analysis, heatmap: Heatmap | None) -> tuple[Picture, ...]:
+    """Every figure that the data allow, in the order of the report."""
+    pictures = [objective_figure(analysis), goals_figure(analysis)]
+    if any(analysis.comparison(instrument) for instrument in ("sus_modified", "tlx_raw")):
+        pictures.append(survey_figure(analysis))
+    pictures.append(window_figure(analysis))
+    if heatmap is not None:
+        pictures.append(heatmap_figure(heatmap))
+    return tuple(pictures)
+
+
+# ---- the figures ----------------------------------------------------------------------------------------------------
+
+_COMMON = (
+    "Small marks: participants' means (lines join one participant's conditions); large marks: mean of these, with its "
+    "95 % confidence interval. Brackets: Tukey HSD of the ANOVA, * p < .05, ** p < .01, *** p < .001, **** p < .0001."
+)
+
+
+def objective_figure(analysis: Analysis) -> Picture:
+    """The paper's Fig. 3: gain (A), convergence (B), efficiency (C), for pickups and for all tasks."""
+    with _figure(FULL_WIDTH_MM, 74.0) as figure:
+        axes = figure.subplots(1, 3)
+        for letter, ax, measure in zip("ABC", axes, OBJECTIVE, strict=True):
+            groups = [analysis.comparison(measure, kind) for kind in ("pickup", "all")]
+            _draw_groups(ax, [g for g in groups if g], analysis.data.conditions, ["pickups", "all tasks"])
+            _title(ax, letter, MEASURES[measure].title)
+            ax.set_ylabel(_axis_label(measure))
+        _legend(figure, analysis.data.conditions)
+        svg, png = _rendered(figure)
+    return Picture(
+        "fig3_objective_measures",
+        "Objective measures",
+        "(A) Belief accuracy gain at the first user action after a window in which entropy was above 0.7; (B) user "
+        "actions until the instructed goal stayed the most likely, without tasks that never converged; (C) ticks "
+        f"without gripper and reset ticks. Lower is better in B and C. {_COMMON} After the paper's Fig. 3.",
+        svg,
+        png,
+    )
+
+
+def goals_figure(analysis: Analysis) -> Picture:
+    """The paper's Fig. 4: belief gain by the number of candidate goals."""
+    conditions = analysis.data.conditions
+    gains = analysis.comparison("belief_gain", "all")
+    found = gains.observations if gains else ()
+    counts = sorted({item.goals for item in found})
+    with _figure(FULL_WIDTH_MM, 62.0) as figure:
+        axes = np.atleast_1d(figure.subplots(1, len(conditions), sharey=True))
+        for ax, trend in zip(axes, analysis.trends, strict=True):
+            _draw_trend(ax, trend, [item for item in found if item.condition == trend.condition], counts)
+        axes[0].set_ylabel(_axis_label("belief_gain"))
+        svg, png = _rendered(figure)
+    return Picture(
+        "fig4_gain_by_goals",
+        "Belief gain by number of candidate goals",
+        "Belief accuracy gain after windows with entropy above 0.7, by the number of candidate goals of the task. "
+        "Small marks: participants' means; large marks: mean of these with its 95 % confidence interval (none where "
+        "fewer than two participants have windows); n counts windows. After the paper's Fig. 4.",
+        svg,
+        png,
+    )
+
+
+def survey_figure(analysis: Analysis) -> Picture:
+    """Usability and workload."""
+    names = [name for name in ("sus_modified", "tlx_raw") if analysis.comparison(name)]
+    with _figure(60.0 * len(names), 70.0) as figure:
+        for ax, name in zip(np.atleast_1d(figure.subplots(1, len(names))), names, strict=True):
+            comparison = analysis.comparison(name)
+            assert comparison is not None
+            _draw_groups(ax, [comparison], analysis.data.conditions, [""], scale=(1.0, 7.0))
+            ax.set_yticks(range(1, 8))
+            _title(ax, "", MEASURES[name].title)
+            ax.set_ylabel(_axis_label(name))
+        _legend(figure, analysis.data.conditions)
+        svg, png = _rendered(figure)
+    return Picture(
+        "fig5_surveys",
+        "Survey scales",
+        "Mean of all items on 1 to 7 after reversing. High usability is good, high workload is bad. " + _COMMON,
+        svg,
+        png,
+    )
+
+
+def window_figure(analysis: Analysis) -> Picture:
+    """Window rate, the paper's check that windows were equally frequent."""
+    with _figure(75.0, 70.0) as figure:
+        ax = figure.subplots()
+        groups = [analysis.comparison("window_rate", kind) for kind in ("pickup", "all")]
+        _draw_groups(ax, [g for g in groups if g], analysis.data.conditions, ["pickups", "all tasks"])
+        ax.set_ylim(bottom=0.0)
+        _title(ax, "", MEASURES["window_rate"].title)
+        ax.set_ylabel(_axis_label("window_rate"))
+        _legend(figure, analysis.data.conditions, columns=2)
+        svg, png = _rendered(figure)
+    return Picture(
+        "fig6_window_rate",
+        "Window rate",
+        "Windows of at least five ticks without input, divided by control ticks, per participant. " + _COMMON,
+        svg,
+        png,
+    )
+
+
+def heatmap_figure(heatmap: Heatmap) -> Picture:
+    """The paper's Fig. 2: information gain (A) and goal-oriented reward (B) over the table plane."""
+    with _figure(FULL_WIDTH_MM, 58.0) as figure:
+        axes = figure.subplots(1, 2)
+        panels = (
+            ("A", "Expected information gain", heatmap.information, "units of log |goals|"),
+            ("B", "Goal-oriented reward", heatmap.reward, "expected approach, m"),
+        )
+        for ax, (letter, title, values, unit) in zip(axes, panels, strict=True):
+            mesh = ax.pcolormesh(heatmap.y_m, heatmap.x_m, values, cmap="cividis", shading="nearest", rasterized=True)
+            lines = ax.contour(heatmap.y_m, heatmap.x_m, values, levels=6, colors="white", linewidths=0.4)
+            lines.set_alpha(0.7)
+            for goal in heatmap.goals:
+                ax.plot(goal.y_m, goal.x_m, "o", ms=3.0, mfc="white", mec="black", mew=0.6)
+                label = f"{goal.name} {goal.probability:.2f}".replace("0.", ".")
+                box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+                ax.annotate(
+                    label, (goal.y_m, goal.x_m), (0, 5), textcoords="offset points", ha="center", fontsize=5.5, bbox=box
+                )
+            ax.invert_xaxis()
+            ax.set_aspect("equal")
+            ax.set_xlabel("y, left (m)")
+            ax.set_ylabel("x, forward (m)")
+            _title(ax, letter, title)
+            bar = figure.colorbar(mesh, ax=ax, orientation="horizontal", shrink=0.8, aspect=35, pad=0.02)
+            bar.set_label(unit)
+            bar.outline.set_linewidth(0.4)
+        svg, png = _rendered(figure)
+    return Picture(HEATMAP_NAME, "What each reward wants", heatmap.caption + " After the paper's Fig. 2.", svg, png)
+
+
+# ---- parts ----------------------------------------------------------------------------------------------------------
+
+
+def _draw_groups(
+    ax: Axes,
+    groups: Sequence[Comparison],
+    conditions: Sequence[str],
+    group_names: Sequence[str],
+    scale: tuple[float, float] | None = None,
+) -> None:
+    """Columns of every condition, group by group, with brackets over what differs."""
+    look = looks(conditions)
+    width = len(conditions) + 0.8
+    means = [mean for g in groups for of in _person_means(g.observations).values() for mean in of.values()] or [
+        0.0,
+        1.0,
+    ]
+    bottom, top = scale or (min(means), max(means))
+    ticks, labels = [], []
+    high = top
+    for index, group in enumerate(groups):
+        places = {condition: index * width + column for column, condition in enumerate(conditions)}
+        _draw_people(ax, group.observations, places, look)
+        ticks += list(places.values())
+        labels += [look[condition].letter for condition in conditions]
+        high = max(high, _draw_brackets(ax, group, places, top, (top - bottom) or 1.0))
+        if group_names[index]:
+            middle = index * width + (len(conditions) - 1) / 2.0
+            ax.annotate(
+                group_names[index],
+                (middle, 0.0),
+                (0, -17),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+            )
+        if not group.observations:
+            ax.text(index * width + (len(conditions) - 1) / 2.0, 0.5, "no values", ha="center")
+    ax.set_xticks(ticks, labels)
+    ax.set_xlim(-0.7, (len(groups) - 1) * width + len(conditions) - 0.3)
+    margin = 0.05 * ((high - bottom) or 1.0)
+    ax.set_ylim(bottom - margin, high + margin)
+
+
+def _draw_people(
+    ax: Axes, observations: Sequence[Observation], places: dict[str, float], look: dict[str, Look]
+) -> None:
+    people = _person_means(observations)
+    names = sorted(people)
+    many = len(names) > MAX_LINES
+    shifts = np.linspace(-0.22, 0.22, len(names)) if len(names) > 1 else np.zeros(len(names))
+    columns = {condition: np.array([people[name].get(condition, math.nan) for name in names]) for condition in places}
+    if not many and names:
+        for number, shift in enumerate(shifts):
+            of = [(place + shift, columns[c][number]) for c, place in places.items() if c in people[names[number]]]
+            ax.plot(*zip(*of, strict=True), color="#BBBBBB", lw=0.4, zorder=1)
+    for condition, place in places.items():
+        ax.plot(
+            place + shifts,
+            columns[condition],
+            look[condition].marker,
+            ms=1.2 if many else 2.2,
+            mfc="none",
+            mec=look[condition].colour,
+            mew=0.4,
+            alpha=0.35 if many else 0.8,
+            zorder=2,
+        )
+    for condition, place in places.items():
+        values = [of[condition] for of in people.values() if condition in of]
+        _draw_mean(ax, place, values, look[condition])
+
+
+def _draw_mean(ax: Axes, place: float, values: Sequence[float], look: Look) -> None:
+    if not values:
+        return
+    mean = float(np.mean(values))
+    if (reach := _confidence(values)) is not None:
+        ax.errorbar(place, mean, reach, color="black", lw=1.0, capsize=2.2, capthick=0.8, zorder=3)
+    ax.plot(place, mean, look.marker, ms=5.0, mfc=look.colour, mec="black", mew=0.6, zorder=4)
+
+
+def _draw_brackets(ax: Axes, group: Comparison, places: dict[str, float], top: float, extent: float) -> float:
+    """Brackets over the pairs that differ; the height they reach."""
+    height = top + 0.05 * extent
+    for pair in sorted(group.pairs, key=lambda pair: abs(places[pair.first] - places[pair.second])):
+        if mark := stars(pair.p):
+            left, right = sorted((places[pair.first], places[pair.second]))
+            tip = height + 0.02 * extent
+            ax.plot([left, left, right, right], [height, tip, tip, height], color="black", lw=0.6, clip_on=False)
+            ax.text((left + right) / 2.0, tip - 0.005 * extent, mark, ha="center", va="bottom", fontsize=6.5)
+            height += 0.105 * extent
+    return height
+
+
+def _draw_trend(ax: Axes, trend: GoalTrend, found: Sequence[Observation], counts: Sequence[int]) -> None:
+    look = looks([trend.condition])[trend.condition]
+    means = []
+    for count in counts:
+        people = [of[trend.condition] for of in _person_means([o for o in found if o.goals == count]).values()]
+        shifts = np.linspace(-0.2, 0.2, len(people)) if len(people) > 1 else np.zeros(len(people))
+        many = len(people) > MAX_LINES
+        style = {"ms": 1.2 if many else 2.0, "mfc": "none", "mew": 0.4, "alpha": 0.35 if many else 0.7}
+        ax.plot(count + shifts, people, look.marker, mec=look.colour, **style)
+        if people:
+            means.append((count, float(np.mean(people))))
+        _draw_mean(ax, count, people, look)
+        windows = trend.by_goals.get(count)
+        ax.annotate(
+            f"n = {windows.n if windows else 0}",
+            (count, 1.0),
+            (0, -1),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=5.5,
+        )
+    if means:
+        ax.plot(*zip(*means, strict=True), color=look.colour, lw=0.9, zorder=2.5)
+    ax.axhline(0.0, color="#999999", lw=0.4, ls=(0, (4, 3)), zorder=0)
+    ax.set_xticks(counts)
+    ax.set_xlabel("candidate goals")
+    ax.margins(y=0.14)
+    _title(ax, look.letter, look.name)
+
+
+def _person_means(observations: Iterable[Observation]) -> dict[str, dict[str, float]]:
+    cells: dict[str, dict[str, list[float]]] = {}
+    for item in observations:
+        cells.setdefault(item.participant, {}).setdefault(item.condition, []).append(item.value)
+    return {name: {key: math.fsum(of) / len(of) for key, of in by.items()} for name, by in cells.items()}
+
+
+def _confidence(values: Sequence[float]) -> float | None:
+    """Half of the 95 % interval of a mean."""
+    if len(values) < 2:
+        return None
+    return float(stats.t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / math.sqrt(len(values)))
+
+
+def _title(ax: Axes, letter: str, title: str) -> None:
+    ax.set_title(f"({letter}) {title}" if letter else title, loc="left", fontsize=7.5)
+
+
+def _axis_label(measure: str) -> str:
+    info = MEASURES[measure]
+    return {"belief_gain": "gain in b(instructed goal)", "efficiency_ticks": "task length (ticks of 0.5 s)"}.get(
+        measure, info.unit
+    )
+
+
+def _legend(figure: Figure, conditions: Sequence[str], columns: int = 5) -> None:
+    look = looks(conditions)
+    handles = [
+        matplotlib.lines.Line2D([], [], ls="", marker=of.marker, ms=5.0, mfc=of.colour, mec="black", mew=0.6)
+        for of in look.values()
+    ]
+    labels = [f"{of.letter}  {of.name}" for of in look.values()]
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), frameon=False)
+
+
+@contextmanager
+def _figure(width_mm: float, height_mm: float) -> Iterator[Figure]:
+    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE}):
+        yield Figure(figsize=(width_mm * MM, height_mm * MM), layout="constrained")
+
+
+def _rendered(figure: Figure) -> tuple[str, bytes]:
+    svg, png = io.StringIO(), io.BytesIO()
+    figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
+    return svg.getvalue(), png.getvalue()
+
+
+__all__ = ["Heatmap", "HeatmapGoal", "Kind", "Picture", "draw_all", "looks", "stars"]

@@ -1,0 +1,194 @@
+"""The analysis as plain tables: `measures.json` and CSV files, numbers unrounded, blank where there is no value."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from study.analysis import Analysis, Comparison
+from study.effects import Interval, NotFitted
+from study.measures import TaskMeasures, WindowMeasures, summarise, window_rates
+from study.mixed import MixedModel
+from study.statistics import RepeatedMeasures
+
+MEASURES_FORMAT = "shared-autonomy-lab measures"
+MEASURES_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV file: name without ending, column names, rows."""
+
+    name: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def write(self, folder: Path) -> None:
+        """`name`.csv; None is blank."""
+        with (folder / f"{self.name}.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(self.header)
+            writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
+
+
+def measures_json(analysis: Analysis) -> str:
+    """Per condition and kind of task: n, mean and sd of each measure, and what was counted."""
+    data = analysis.data
+    content = {
+        "format": MEASURES_FORMAT,
+        "version": MEASURES_VERSION,
+        "participants": data.quality.participants,
+        "trials": data.quality.trials,
+        "conditions": summarise(data.measures, data.scores),
+    }
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def all_tables(analysis: Analysis) -> tuple[Table, ...]:
+    """Every table: one row per task, window, rate and score, then the statistics."""
+    data = analysis.data
+    return (
+        _of_values("tasks", TaskMeasures, data.measures.tasks),
+        _of_values("windows", WindowMeasures, data.measures.windows),
+        Table(
+            "window_rates",
+            ("participant", "condition", "position", "kind", "windows", "control_ticks", "rate"),
+            tuple(
+                (*astuple(rate), rate.rate)
+                for kind in ("pickup", "dropoff", "all")
+                for rate in window_rates(data.measures, kind)
+            ),
+        ),
+        Table(
+            "survey_scores",
+            ("participant", "condition", "position", "instrument", "score"),
+            tuple(astuple(item) for item in data.scores),
+        ),
+        _descriptives(analysis),
+        _anovas(analysis),
+        _pairs(analysis),
+        _mixed(analysis),
+        _trends(analysis),
+        Table(
+            "distractor",
+            ("condition", "raised", "answered", "correct", "median_answer_s"),
+            tuple(astuple(item) for item in data.quality.alerts),
+        ),
+    )
+
+
+def _of_values(name: str, kind: type, values: Sequence[Any]) -> Table:
+    header = tuple(item.name for item in fields(kind))
+    return Table(name, header, tuple(tuple(getattr(value, column) for column in header) for value in values))
+
+
+def _descriptives(analysis: Analysis) -> Table:
+    return Table(
+        "descriptives",
+        ("measure", "tasks", "condition", "n", "mean", "sd"),
+        tuple(
+            (*_place(comparison), condition, found.n, found.mean, found.sd)
+            for comparison in analysis.comparisons
+            for condition, found in comparison.summaries.items()
+        ),
+    )
+
+
+def _anovas(analysis: Analysis) -> Table:
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for comparison in analysis.comparisons:
+            anova = comparison.anova
+            if isinstance(anova, NotFitted):
+                yield (*_place(comparison), *[None] * 11, anova.reason)
+                continue
+            within = comparison.model if isinstance(comparison.model, RepeatedMeasures) else None
+            yield (
+                *_place(comparison),
+                "repeated measures" if within else "fixed effects",
+                anova.observations,
+                anova.f,
+                anova.df_effect,
+                anova.df_error,
+                anova.p,
+                anova.eta_squared.value,
+                anova.eta_squared.low,
+                anova.eta_squared.high,
+                within.p_corrected if within else None,
+                comparison.equal_variance_p,
+                None,
+            )
+
+    header = ("measure", "tasks", "model", "n", "F", "df_effect", "df_error", "p", "partial_eta_squared")
+    header += ("eta_ci90_low", "eta_ci90_high", "p_greenhouse_geisser", "p_equal_variances", "not_fitted_because")
+    return Table("anova", header, tuple(rows()))
+
+
+def _pairs(analysis: Analysis) -> Table:
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for comparison in analysis.comparisons:
+            for pair in comparison.pairs:
+                effect = pair.effect if isinstance(pair.effect, Interval) else None
+                yield (
+                    *_place(comparison),
+                    pair.first,
+                    pair.second,
+                    pair.difference.value,
+                    pair.difference.low,
+                    pair.difference.high,
+                    pair.p,
+                    pair.effect_name,
+                    *(astuple(effect) if effect else (None, None, None)),
+                )
+
+    header = ("measure", "tasks", "first", "second", "adjusted_difference", "ci95_low", "ci95_high", "p_tukey")
+    header += ("effect_size", "effect", "effect_ci95_low", "effect_ci95_high")
+    return Table("pairwise", header, tuple(rows()))
+
+
+def _mixed(analysis: Analysis) -> Table:
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for comparison in analysis.comparisons:
+            model = comparison.mixed
+            if isinstance(model, NotFitted):
+                yield (*_place(comparison), *[None] * 11, model.reason)
+            elif isinstance(model, MixedModel):
+                for condition, difference, p in model.estimates:
+                    yield (
+                        *_place(comparison),
+                        condition,
+                        model.against,
+                        difference.value,
+                        difference.low,
+                        difference.high,
+                        p,
+                        model.chi_squared,
+                        model.df,
+                        model.p,
+                        model.participant_sd,
+                        model.residual_sd,
+                        model.note,
+                    )
+
+    header = ("measure", "tasks", "condition", "against", "difference", "ci95_low", "ci95_high", "p", "chi_squared")
+    header += ("df", "p_condition", "participant_sd", "residual_sd", "note")
+    return Table("mixed_models", header, tuple(rows()))
+
+
+def _trends(analysis: Analysis) -> Table:
+    return Table(
+        "gain_by_goals",
+        ("condition", "goals", "n", "mean", "sd"),
+        tuple(
+            (trend.condition, goals, found.n, found.mean, found.sd)
+            for trend in analysis.trends
+            for goals, found in trend.by_goals.items()
+        ),
+    )
+
+
+def _place(comparison: Comparison) -> tuple[str, str | None]:
+    return comparison.measure.id, comparison.kind
