@@ -74,6 +74,8 @@ class _Leg:
     then: Literal["next", "close", "open"]
     careful: bool = False
     """Whether the end is approached in taps."""
+    moving_in: bool = False
+    """Whether the object is straight ahead."""
 
 
 class Driver:
@@ -243,6 +245,8 @@ class Driver:
                 left_m = (leg.target_m[axis] - position_m[axis]) * movement.direction[axis] + movement.errors_m[axis]
                 if left_m <= self._step_m / 2.0:
                     return bool(self._rng.random() < self._traits.overshoot)
+                if leg.moving_in and left_m <= self._traits.fine_m / 2.0:
+                    return False  # nobody rams the object: the last way is tapped
         return True
 
     # ---- where to -----------------------------------------------------------------------------------------------
@@ -265,7 +269,7 @@ class Driver:
         exact_m = max(self._traits.tolerance_m, 0.55 * self._step_m)
         aligned = abs(here_m[1] - y_m) <= exact_m and abs(here_m[2] - z_m) <= exact_m
         if aligned:
-            return _Leg(sight.object_m, (0,), self._traits.tolerance_m, "close", careful=True)
+            return _Leg(sight.object_m, (0,), self._traits.tolerance_m, "close", careful=True, moving_in=True)
         line_up_x_m = x_m - APPROACH_M
         if here_m[0] > x_m - DEEP_M and abs(here_m[1] - y_m) > 2.0 * exact_m:
             return _Leg((line_up_x_m, y_m, z_m), (0,), CARRY_TOLERANCE_M, "close")

@@ -7,11 +7,12 @@ from app.autonomy.transition import TransitionModel
 from app.trial_values import STILL, Direction
 from sim.interface import SLICES_PER_TICK, MotionSegment, Vector3
 
+_UNIT_VECTORS: tuple[Vector3, ...] = tuple((float(x), float(y), float(z)) for x, y, z in UNIT_DIRECTIONS)
+
 
 def unit_direction(action: Direction) -> Vector3:
     """The action as a vector of length 1 (0 for staying)."""
-    x, y, z = (float(value) for value in UNIT_DIRECTIONS[index_of(action)])
-    return (x, y, z)
+    return _UNIT_VECTORS[index_of(action)]
 
 
 def motion_segments(model: TransitionModel, momentum: Vector3, action: Direction) -> tuple[MotionSegment, ...]:

@@ -2,8 +2,8 @@
 
 The questionnaire model, in points of the 1 to 7 scale:
 
-    usability = 5.4 + 0.8 leniency - 0.45 (minutes - 7) - 0.25 failures - 2.5 contrary + 0.4 noise
-    workload  = 3.1 + 1.1 strain   + 0.35 (minutes - 7) + 0.20 missed   + 2.0 contrary + 0.4 noise
+    usability = 5.4 + 0.8 leniency - 0.15 (minutes - 7) - 0.25 failures - 2.5 contrary + 0.4 noise
+    workload  = 3.1 + 1.1 strain   + 0.10 (minutes - 7) + 0.20 missed   + 2.0 contrary + 0.4 noise
 
 `minutes` is how long the trial took, `failures` how many tasks failed, `missed` how many readings were not answered
 or wrong, `contrary` the share of the robot's own moves that led away from the instructed goal. Each item then adds its
@@ -53,8 +53,8 @@ def survey_answers(
     A questionnaire that is about neither usability nor workload is answered around the middle.
     """
     extra = felt.minutes - USUAL_MINUTES
-    usability = USABILITY + LENIENCY * traits.leniency - 0.45 * extra - 0.25 * felt.failures - 2.5 * felt.contrary
-    workload = WORKLOAD + STRAIN * traits.strain + 0.35 * extra + 0.20 * felt.missed + 2.0 * felt.contrary
+    usability = USABILITY + LENIENCY * traits.leniency - 0.15 * extra - 0.25 * felt.failures - 2.5 * felt.contrary
+    workload = WORKLOAD + STRAIN * traits.strain + 0.10 * extra + 0.20 * felt.missed + 2.0 * felt.contrary
     levels = {"sus_modified": usability, "tlx_raw": workload}
     answers: dict[str, dict[str, int]] = {}
     for name in study.surveys:

@@ -27,9 +27,8 @@ from app.participants import Population
 from app.parts import ROBOTS, make_robot
 from app.planning import StudySetup, study_setup
 from app.simulation import Case, Record, simulate_participant
-from app.variants import changed_study, fitted_population, known_layouts, open_study, preset_changes
-from sim.objects import STUDY_OBJECTS
-from study.design import Study, orders, parse_study
+from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
+from study.design import Study, orders
 from study.export import write_tables
 from study.fingerprint import machine_fingerprint
 from study.records import SCHEMA_VERSION, TABLES
@@ -53,7 +52,7 @@ class Plan:
 
     def case(self, index: int) -> Case:
         """Participant `index`, from 0: orders in turn, so that every six fill the counterbalancing once."""
-        setup = _setup(self.study_text)
+        setup = setup_of(self.study_text)
         choices = orders(setup.study)
         return Case(setup, index, participant_seed(self.seed, index), choices[index % len(choices)], self.population)
 
@@ -66,16 +65,16 @@ class Plan:
         return {
             "seed": self.seed,
             "robot": self.robot,
-            "study": _setup(self.study_text).study.hash,
+            "study": setup_of(self.study_text).study.hash,
             "population": {"means": dict(self.population.means), "spread_scale": self.population.spread_scale},
             "schema_version": SCHEMA_VERSION,
         }
 
 
-@lru_cache(maxsize=8)
-def _setup(study_text: str) -> StudySetup:
+@lru_cache(maxsize=64)
+def setup_of(study_text: str) -> StudySetup:
     """The study of that text, calibrated; once a process."""
-    return study_setup(parse_study(study_text, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS)))
+    return study_setup(parse_text(study_text))
 
 
 def make_plan(seed: int, robot: str, preset: str, study_file: Path | None = None) -> Plan:
@@ -113,7 +112,7 @@ def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset:
         "simulated": {"participants": participants, "preset": preset, **plan.settings()},
     }
     tables = {table: parts.rows(table, participants) for table in TABLES}
-    studies = {_setup(plan.study_text).study.hash: plan.study_text}
+    studies = {setup_of(plan.study_text).study.hash: plan.study_text}
     counts = write_tables(out_dir, tables, studies=studies, meta=meta)
     parts.remove()
     return counts

@@ -20,7 +20,7 @@ from app.planning import StudySetup
 from app.steps import STEPS, StepContext
 from app.surroundings import utc_text
 from app.trial import TrialEngine
-from app.trial_values import TickResult, TrialView
+from app.trial_values import OperatorInput, TickResult, TrialView
 from sim.interface import TICK_S, Robot, Vector3
 from study import protocol
 from study.design import SessionPlan, TrialPlan, plan_session, reading
@@ -71,6 +71,20 @@ def simulate_trial(
         run.trial()
     else:
         run.practice()
+    return run.rows
+
+
+def simulate_trials(case: Case, make_robot: Callable[[], Robot]) -> Record:
+    """All trials and their questionnaires, without forms and practice: for whoever only wants the measures.
+
+    Every stream is its own, so ticks, tasks, readings and answers are those of the whole study; times are not.
+    """
+    run = _Run(case, make_robot)
+    for number in range(1, len(case.order) + 1):
+        run.session = replace(run.session, state="trial", trial=number, outcome=None)
+        run.trial()
+        if run.session.state == "survey":
+            run.survey()
     return run.rows
 
 
@@ -277,11 +291,12 @@ class _Sitting:
         self._attend(tick)
         view = engine.view()
         sight = _sight(engine, view)
-        operator = self.driver.act(view.object, sight)
-        if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
-            operator = replace(operator, direction=None, gripper=None)
+        wanted = self.driver.act(view.object, sight)
         run.inputs += 1
-        result = engine.tick(replace(operator, seq=run.inputs))
+        if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
+            result = engine.tick(OperatorInput(seq=run.inputs))
+        else:
+            result = engine.tick(OperatorInput(wanted.direction, wanted.gripper, run.inputs))
         run.tick, run.now_s = tick, run.now_s + TICK_S
         self.ticks.append(result.row)
         self.tasks += result.tasks if self.kind == "trial" else ()

@@ -180,8 +180,10 @@ class TrialEngine:
     def tick(self, operator: OperatorInput = NO_INPUT) -> TickResult:
         """One whole tick."""
         self.begin(operator)
+        advance = self._robot.advance
         for _ in range(SLICES_PER_TICK):
-            self.advance()
+            advance()
+        self._world = None
         return self.end()
 
     def begin(self, operator: OperatorInput) -> None:
@@ -213,7 +215,7 @@ class TrialEngine:
         if self._pending is None:
             raise RuntimeError("no tick is running; call begin() first")
         pending, self._pending = self._pending, None
-        world = self._world = self._robot.observe()
+        world = self.world
         events: list[EngineEvent] = []
         blocked, reason = pending.verdict.blocked, pending.verdict.reason
         if pending.action is not None and any(pending.action) and world.lagging:
@@ -434,5 +436,8 @@ class TrialEngine:
         self._world = self._robot.observe()
 
 
+_ENCODER = json.JSONEncoder(separators=(",", ":"))
+
+
 def _json(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"))
+    return _ENCODER.encode(value)

@@ -46,6 +46,11 @@ def changed_study(study: Study, changes: Changes) -> Study:
             text = _replaced(text, section, key, value)
     if text == study.source_text:
         return study
+    return parse_text(text)
+
+
+def parse_text(text: str) -> Study:
+    """The study of a file's text. Raises `StudyFileError`."""
     return parse_study(text, name="changed study", layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 

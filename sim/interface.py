@@ -15,6 +15,7 @@ slice by slice, as fast or as slowly as it likes: what happens depends on the co
 from __future__ import annotations
 
 import hashlib
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ class Pose:
     def tilt_rad(self) -> float:
         """Angle between the body's own z axis and the world's, 0 when upright."""
         _, x, y, _ = self.quaternion_wxyz
-        return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+        return math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ MODULES = {
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
-        study.store study.writer study.fingerprint study.export
+        study.store study.writer study.fingerprint study.export study.package
         study.effects study.factors study.statistics study.mixed study.dataset study.analysis study.figures
         study.tables study.wording study.report
     """,
@@ -52,7 +52,7 @@ MODULES = {
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
         sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.instruments study.records study.measures
+        study.instruments study.questionnaires study.records study.measures
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}
@@ -72,6 +72,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "viser": frozenset({"sim.scene"}),
     "sqlalchemy": frozenset({"study.store"}),
     "sqlite3": frozenset({"study.store"}),
+    "pyarrow": frozenset({"study.package"}),
     "matplotlib": frozenset({"study.figures"}),
     "statsmodels": frozenset({"study.statistics", "study.mixed"}),
 }

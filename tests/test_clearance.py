@@ -35,7 +35,7 @@ def test_far_from_everything_all_is_clear() -> None:
 
 def test_beside_an_object_it_does_not_push_into_it() -> None:
     x_m, y_m = LAYOUTS["arc"].slots[0]
-    spec = table_scene((x_m, y_m + 0.105, 0.85))
+    spec = table_scene((x_m - 0.04, y_m + 0.105, 0.85))
     fits = clear(world_at(spec), spec, np.array([[0.0, -STEP_M, 0.0], [0.0, STEP_M, 0.0], [-STEP_M, 0.0, 0.0]]))
     assert fits.tolist() == [False, True, True]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -65,5 +66,11 @@ def nearest_action(momentum: npt.ArrayLike) -> int | None:
     Raises:
         AutonomyError: not three finite numbers of length <= 1.
     """
-    index = int(nearest_moves(checked_momentum(momentum)))
+    x, y, z = checked_momentum(momentum).tolist()
+    return _nearest_action(x, y, z)
+
+
+@lru_cache(maxsize=4096)
+def _nearest_action(x: float, y: float, z: float) -> int | None:
+    index = int(nearest_moves(np.array((x, y, z))))
     return None if index < 0 else index

@@ -37,6 +37,10 @@ def checked_points_m(name: str, values: npt.ArrayLike) -> FloatArray:
     Raises:
         AutonomyError: wrong shape, or a coordinate that is not finite or beyond ``MAX_COORDINATE_M``.
     """
+    if isinstance(values, tuple) and len(values) == 3 and all(type(value) is float for value in values):
+        x, y, z = values  # one point, as every tick has it: the same check without arrays
+        if abs(x) + abs(y) + abs(z) <= MAX_COORDINATE_M:
+            return np.array(values)
     points = _numbers(name, values, "numbers of shape (..., 3), in metres")
     if points.ndim < 1 or points.shape[-1] != 3:
         raise AutonomyError(f"{name} has shape {points.shape}; it must be (..., 3), in metres")
@@ -74,6 +78,10 @@ def checked_momenta(values: npt.ArrayLike) -> FloatArray:
     Raises:
         AutonomyError: wrong shape, not finite, or longer than 1.
     """
+    if isinstance(values, tuple) and len(values) == 3 and all(type(value) is float for value in values):
+        x, y, z = values  # one momentum, as every tick has it: the same check without arrays
+        if x * x + y * y + z * z <= (1.0 + _NORM_TOLERANCE) ** 2:
+            return np.array(values)
     momenta = _numbers("momentum", values, "numbers of shape (..., 3), each of length <= 1")
     if momenta.ndim < 1 or momenta.shape[-1] != 3:
         raise AutonomyError(f"momentum has shape {momenta.shape}; it must be (..., 3)")

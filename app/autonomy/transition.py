@@ -14,13 +14,14 @@ In both, m' = u. tau and d are ``planning_delay``, a share of one tick.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from app.autonomy.actions import ACTION_COUNT, UNIT_DIRECTIONS, nearest_moves
-from app.autonomy.arrays import FloatArray, checked_momenta, checked_points_m
+from app.autonomy.arrays import FloatArray, checked_momenta, checked_points_m, frozen
 from app.autonomy.errors import AutonomyError
 
 TransitionKind = Literal["mix", "replan"]
@@ -60,6 +61,11 @@ class TransitionModel:
             AutonomyError: a momentum that is not finite or longer than 1.
         """
         momenta = checked_momenta(momentum)
+        if momenta.shape == (3,):
+            return _displacements_of_one(self, *momenta.tolist())
+        return self._displacements(momenta)
+
+    def _displacements(self, momenta: FloatArray) -> FloatArray:
         if self.kind == "mix":
             kept = (self.step_m * self.planning_delay) * momenta[..., None, :]  # (..., 1, 3)
             return kept + (self.step_m * (1.0 - self.planning_delay)) * UNIT_DIRECTIONS
@@ -86,3 +92,9 @@ class TransitionModel:
         """
         momenta = checked_momenta(momentum)
         return np.broadcast_to(UNIT_DIRECTIONS, (*momenta.shape[:-1], ACTION_COUNT, 3))
+
+
+@lru_cache(maxsize=4096)
+def _displacements_of_one(model: TransitionModel, x: float, y: float, z: float) -> FloatArray:
+    """Read-only, (27, 3): an arm has few momenta, and asks for the same ones tick after tick."""
+    return frozen(model._displacements(np.array((x, y, z))))

@@ -1,0 +1,265 @@
+"""`salab fit`: calibrate the simulated participants, and what the paper leaves open about its robot, on what the paper
+reports for *pure teleoperation* alone. Goal-oriented and balanced are never run here.
+
+Seven anchors (means of efficiency, convergence and belief gain for pickups and for all tasks, and the window rate) and
+six numbers to find (`PARAMETERS`), on the logarithms, by damped least squares. Every evaluation runs the same
+simulated people (common random numbers); a weak pull towards the starting values decides what the anchors leave open.
+
+What is *not* found here, because pure teleoperation says nothing about it, is fixed beforehand and stands in
+`VARIANTS`: the transition model with its delay and step. Each is fitted by itself; the better fit ships, and the report
+shows the other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.config import LabError
+from app.console import ProgressBar
+from app.paper import TELEOPERATION, reported
+from app.participants import TRAITS, Population
+from app.parts import make_robot
+from app.simulate import MAX_WORKERS, Plan, check_count, run_jobs
+from app.simulation import simulate_trial
+from app.variants import Changes, changed_study, open_study
+from study.measures import Measures, measure, summarise
+
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "replan": {"transition": "replan", "planning_delay": 0.8, "step_m": 0.03},
+    "mix": {"transition": "mix", "planning_delay": 0.2, "step_m": 0.05},
+}
+"""`replan`: the authors' arm stopped and planned anew at each change of direction, so that one costs most of a tick.
+`mix`: the model of the paper's formula with the lab's defaults."""
+
+ALWAYS: Changes = {"distractor": {"placement": "second_device"}, "arbiter": {"stickiness": 0.003}}
+"""As in the paper: the readings are two metres away."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number to be found, where the search starts, and its bounds."""
+
+    name: str
+    start: float
+    low: float
+    high: float
+    about: str
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("speed_m_s", 0.025, 0.01, 0.08, "robot speed"),
+    Parameter("rationality_per_m", 6.0, 0.5, 40.0, "rationality the belief assumes, per metre"),
+    Parameter("pause", TRAITS["pause"].mean, 1.05, 3.9, TRAITS["pause"].about),
+    Parameter("fine_pause", TRAITS["fine_pause"].mean, 1.05, 3.9, TRAITS["fine_pause"].about),
+    Parameter("look", TRAITS["look"].mean, 0.005, 0.5, TRAITS["look"].about),
+    Parameter("checks", TRAITS["checks"].mean, 0.1, 9.0, TRAITS["checks"].about),
+)
+_STUDY = ("speed_m_s", "rationality_per_m")
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """One reported number, and what counts as one unit of missing it (a share of it)."""
+
+    measure: str
+    kind: str
+    share: float
+
+    @property
+    def value(self) -> float:
+        """The paper's mean for pure teleoperation."""
+        return reported(self.measure, self.kind).means[TELEOPERATION]
+
+
+ANCHORS: tuple[Anchor, ...] = (
+    Anchor("efficiency_ticks", "pickup", 0.03),
+    Anchor("efficiency_ticks", "all", 0.03),
+    Anchor("convergence_user_actions", "pickup", 0.06),
+    Anchor("convergence_user_actions", "all", 0.06),
+    Anchor("belief_gain", "pickup", 0.10),
+    Anchor("belief_gain", "all", 0.17),
+    Anchor("window_rate", "all", 0.05),
+)
+"""Shares: about the rounding of the reported number, or a third of the standard error of the mean of 36 or 72 tasks."""
+
+PULL = 0.25
+"""Weight of one unit of logarithm away from the start, in units of anchors."""
+_STEP = 0.2
+_DAMPING = (0.1, 1.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The best found for one variant: numbers by name, what they give, and the misfit (sum of squares; 0 = exact)."""
+
+    variant: str
+    values: Mapping[str, float]
+    anchors: tuple[tuple[Anchor, float], ...]
+    misfit: float
+    evaluations: int
+    windows: int
+    uncertain_windows: int
+
+
+def study_changes(variant: str, values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+    """What of a fit goes into the study file."""
+    changes = {section: dict(of) for section, of in ALWAYS.items()}
+    changes["arbiter"] |= {**VARIANTS[variant], "rationality_per_m": values["rationality_per_m"]}
+    changes["robot"] = {"speed_m_s": values["speed_m_s"]}
+    return changes
+
+
+def means_of(values: Mapping[str, float]) -> dict[str, float]:
+    """What of a fit goes into the population."""
+    return {name: value for name, value in values.items() if name not in _STUDY}
+
+
+def teleoperate(plan: Plan, index: int) -> tuple[list[Any], list[Any]]:
+    """Task and tick rows of one participant's trial under pure teleoperation; its place in the order varies."""
+    case = plan.case(index)
+    trial = case.order.index(TELEOPERATION) + 1
+    record = simulate_trial(case, trial, partial(make_robot, plan.robot))
+    return record["tasks"], record["ticks"]
+
+
+def measure_teleoperation(plan: Plan, participants: int, workers: int = 1) -> Measures:
+    """The paper's measures of so many participants under pure teleoperation."""
+    found = dict(run_jobs(partial(teleoperate, plan), range(participants), workers))
+    tasks = [row for index in sorted(found) for row in found[index][0]]
+    ticks = [row for index in sorted(found) for row in found[index][1]]
+    return measure(tasks, ticks)
+
+
+def plan_of(variant: str, values: Mapping[str, float], seed: int) -> Plan:
+    """The simulation that a set of numbers stands for."""
+    study = changed_study(open_study(None), study_changes(variant, values))
+    return Plan(study.source_text, seed, population=Population(means_of(values)))
+
+
+def fit(
+    variant: str,
+    participants: int,
+    seed: int,
+    workers: int = 1,
+    rounds: int = 5,
+    say: Callable[[], None] = lambda: None,
+) -> Fit:
+    """Find the numbers of one variant. `say` is called after every evaluation. Raises `LabError` out of bounds."""
+    if variant not in VARIANTS:
+        raise LabError(f"no variant {variant!r}; variants are {', '.join(VARIANTS)}")
+    check_count("participants", participants, 1000)
+    check_count("workers", workers, MAX_WORKERS)
+    check_count("rounds", rounds, 100)
+    start = np.log([item.start for item in PARAMETERS])
+    low, high = np.log([item.low for item in PARAMETERS]), np.log([item.high for item in PARAMETERS])
+    found: list[Fit] = []
+
+    def residuals(logs: np.ndarray) -> np.ndarray:
+        values = {item.name: float(np.exp(log)) for item, log in zip(PARAMETERS, logs, strict=True)}
+        measures = measure_teleoperation(plan_of(variant, values, seed), participants, workers)
+        misses = anchor_values(measures)
+        off = np.array([(value / anchor.value - 1.0) / anchor.share for anchor, value in misses])
+        everything = np.concatenate([off, PULL * (logs - start)])
+        windows = measures.analysed_windows()
+        found.append(
+            Fit(
+                variant=variant,
+                values=values,
+                anchors=misses,
+                misfit=float(everything @ everything),
+                evaluations=len(found) + 1,
+                windows=len(windows),
+                uncertain_windows=len(measures.gains()),
+            )
+        )
+        say()
+        return everything
+
+    here = start
+    off = residuals(here)
+    for _ in range(rounds):
+        slopes = np.empty((off.size, here.size))
+        for axis in range(here.size):
+            step = _STEP if here[axis] + _STEP <= high[axis] else -_STEP
+            slopes[:, axis] = (residuals(here + step * np.eye(here.size)[axis]) - off) / step
+        before = float(off @ off)
+        for damping in _DAMPING:
+            pull = slopes.T @ slopes
+            move = np.linalg.solve(pull + damping * np.diag(np.diag(pull) + 1e-6), -slopes.T @ off)
+            there = np.clip(here + np.clip(move, -0.7, 0.7), low, high)
+            tried = residuals(there)
+            if float(tried @ tried) < float(off @ off):
+                here, off = there, tried
+                break
+        if float(off @ off) > 0.97 * before:
+            break  # what is left is the luck of the draw
+    best = min(found, key=lambda item: item.misfit)
+    return Fit(**{**vars(best), "evaluations": len(found)})
+
+
+def anchor_values(measures: Measures) -> tuple[tuple[Anchor, float], ...]:
+    """Ours for every anchor; a mean of nothing counts as 0."""
+    tables = summarise(measures)[TELEOPERATION]["tasks"]
+    return tuple((anchor, tables[anchor.kind][anchor.measure]["mean"] or 0.0) for anchor in ANCHORS)
+
+
+def report(item: Fit) -> str:
+    """One fit as plain text."""
+    lines = [f"{item.variant}: misfit {item.misfit:.1f} after {item.evaluations} evaluations"]
+    lines += [f"  {name:<18} {value:.4g}" for name, value in item.values.items()]
+    lines.append(f"  {'anchor':<36} {'paper':>8} {'ours':>8}")
+    lines += [
+        f"  {anchor.measure + ' (' + anchor.kind + ')':<36} {anchor.value:>8.4g} {value:>8.4g}"
+        for anchor, value in item.anchors
+    ]
+    lines.append(f"  windows with entropy above 0.7 (not fitted): {item.uncertain_windows} of {item.windows}")
+    return "\n".join(lines)
+
+
+def as_json(fits: list[Fit], participants: int, seed: int) -> str:
+    """The file that ships: the best fit's numbers, and how they were found."""
+    best = min(fits, key=lambda item: item.misfit)
+    numbers = {name: float(f"{value:.4g}") for name, value in best.values.items()}
+    data = {
+        "participants": means_of(numbers),
+        "study": study_changes(best.variant, numbers),
+        "found": {
+            "by": f"salab fit --participants {participants} --seed {seed}",
+            "on": "what the paper reports for pure teleoperation, nothing else",
+            "variants": {
+                item.variant: {
+                    "misfit": round(item.misfit, 2),
+                    "values": {name: float(f"{value:.4g}") for name, value in item.values.items()},
+                    "anchors": [
+                        {"measure": anchor.measure, "kind": anchor.kind, "paper": anchor.value, "ours": round(value, 5)}
+                        for anchor, value in item.anchors
+                    ],
+                    "windows": item.windows,
+                    "windows_above_entropy": item.uncertain_windows,
+                }
+                for item in fits
+            },
+        },
+    }
+    return json.dumps(data, indent=2) + "\n"
+
+
+def run(variants: tuple[str, ...], participants: int, seed: int, workers: int, out: Path | None) -> str:
+    """Fit each variant, write the file, return the report."""
+    if out is not None and not out.absolute().parent.is_dir():
+        raise LabError(f"{out}: there is no folder {out.parent}; make it first")
+    fits = []
+    for variant in variants:
+        bar = ProgressBar(f"evaluations of {variant}", 1 + 5 * (len(PARAMETERS) + 2))
+        fits.append(fit(variant, participants, seed, workers, say=bar.step))
+        bar.close()
+    if out is not None:
+        out.write_text(as_json(fits, participants, seed), encoding="utf-8")
+    return "\n\n".join(report(item) for item in fits)

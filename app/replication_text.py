@@ -1,0 +1,320 @@
+"""The replication as text: the table on the screen, the report, and the tables for a spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from app.config import LabError
+from app.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
+from app.participants import TRAITS
+from app.replicate import Replication, Variation, calibrated_alpha
+from app.shares import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
+from app.simulate import setup_of
+from app.variants import fitted
+
+MOVED = 0.15
+"""A variation is said to move a comparison when a share changes by more than this and twice its standard error."""
+
+_SHORT = {
+    "belief_gain": "gain",
+    "convergence_user_actions": "convergence",
+    "efficiency_ticks": "efficiency",
+    "window_rate": "window rate",
+    "sus_modified": "usability",
+    "tlx_raw": "workload",
+}
+_NAMES = {"teleoperation": "teleop", "goal_oriented": "goal", "balanced": "balanced"}
+_SHARE_COLUMNS = (
+    *("measure", "kind", "first", "second", "paper_says", "paper_difference", "difference", "low", "high"),
+    *("same_sign", "significant", "significant_opposite", "margin", "within_margin", "shown_equivalent", "aim_met"),
+)
+_MEANS_COLUMNS = ("measure", "kind", "condition", "paper_mean", "paper_sd", "mean", "low", "high", "sd", "within_sd")
+
+
+def write(result: Replication, out_dir: Path) -> None:
+    """The report and its tables. Raises `LabError` when they cannot be written."""
+    rows = [[variation.name, *_share_row(item)] for variation, _, of, _ in result.varied for item in of]
+    try:
+        (out_dir / "replication.md").write_text(report(result), encoding="utf-8")
+        _write_csv(out_dir / "comparisons.csv", _SHARE_COLUMNS, [_share_row(item) for item in result.shares])
+        _write_csv(out_dir / "means.csv", _MEANS_COLUMNS, [_means_row(item) for item in result.means])
+        _write_csv(out_dir / "varied.csv", ("varied", *_SHARE_COLUMNS), rows)
+    except OSError as error:
+        raise LabError(f"{out_dir}: cannot be written: {error.strerror or error}") from None
+
+
+def name_of(claim: Claim) -> str:
+    """A comparison in a few words."""
+    return f"{_SHORT[claim.measure]} {claim.kind}: {_NAMES[claim.first]} - {_NAMES[claim.second]}"
+
+
+def table(result: Replication) -> str:
+    """The comparisons, for the screen and the report."""
+    rows: list[tuple[str, ...]] = [
+        ("comparison", "paper", "ours [95 % of studies]", "sign", "p<.05", "within", "shown", "aim")
+    ]
+    for item in result.shares:
+        claim, (low, high) = item.claim, item.interval
+        same = claim.verdict == "same"
+        rows.append(
+            (
+                name_of(claim),
+                f"{_number(claim.paper_difference)} {'n.s.' if same else '*   '}",
+                f"{_number(item.mean)} [{_number(low)}, {_number(high)}]",
+                f"{item.same_sign:.0%}" if claim.sign else "",
+                f"{item.significant:.0%}",
+                f"{item.within:.0%}" if same else "",
+                f"{item.equivalent:.0%}" if same else "",
+                ("met" if item.met else "MISSED") + ("*" if claim.measure in CIRCULAR else ""),
+            )
+        )
+    return _columns(rows)
+
+
+LEGEND = f"""\
+sign: share of studies with the sign of the paper's means. p<.05: Tukey's HSD after the paper's ANOVA, in the paper's
+direction; where the paper found no difference, in any. within: the study's difference is smaller than the margin.
+shown: the study shows that it is (two one-sided tests). Aim, where the paper found a difference: sign in
+{SIGN_AIM:.0%} and significance in {SIGNIFICANT_AIM:.0%} of studies; where it found none: none in {SIGNIFICANT_AIM:.0%}.
+* circular: usability and workload follow from an assumed model (app/opinions.py) and replicate nothing."""
+
+
+def report(result: Replication) -> str:
+    """The whole report, Markdown."""
+    setup = setup_of(result.plan.study_text)
+    study = setup.study
+    parts = [
+        "# The paper's comparisons in simulation",
+        f"{len(result.studies)} simulated studies of {result.participants} participants, seed {result.plan.seed}, "
+        f"robot {result.plan.robot}, preset {result.preset}, layout {study.layout}. Arbiter: transition "
+        f"{study.arbiter.transition}, planning delay {study.arbiter.planning_delay:g} of a tick, model step "
+        f"{study.arbiter.step_m:g} m, rationality {study.arbiter.rationality_per_m:g} per metre, stickiness "
+        f"{study.arbiter.stickiness:g}, alpha {calibrated_alpha(setup):.4g} (calibrated). Robot speed "
+        f"{study.robot.speed_m_s:g} m/s. Readings: {study.distractor.placement}.",
+        "The simulated people and the numbers the paper leaves open were calibrated on its pure teleoperation alone. "
+        "Goal-oriented and balanced are predictions. The kind of transition model, its delay and step were chosen "
+        "beforehand, knowing how an earlier prototype fared: in that respect the predictions are not blind.",
+        "## Comparisons",
+        _code(table(result)),
+        LEGEND,
+        _verdict(result),
+        "## Means",
+        _code(_means_table(result)),
+        "Ours is the mean over studies with the middle 95 %, and the mean SD within a study.",
+        "## Belief gain by number of goals (the paper's Fig. 4)",
+        _code(_goals_table(result)),
+        "The paper's trend is upward for balanced and downward for goal-oriented (untested there). Dropoffs have two "
+        "goals, pickups four to six, so a trend can be pickups against dropoffs.",
+        "## What happened",
+        _code(_counts_table(result)),
+        *_varied(result),
+        "## Calibration",
+        _code(_fit_table()),
+        "## The model of a participant",
+        _code(_traits_table(result)),
+        "Spread is the standard deviation of the logarithm over people. How the traits act stands in app/driver.py.",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _verdict(result: Replication) -> str:
+    own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
+    different = [item for item in own if item.claim.verdict == "different"]
+    same = [item for item in own if item.claim.verdict == "same"]
+    signed = sum(item.same_sign >= SIGN_AIM for item in different)
+    significant = sum(item.significant >= SIGNIFICANT_AIM for item in different)
+    off = [item for item in result.means if item.measure not in CIRCULAR and not item.within_sd]
+    lines = [
+        f"Of the paper's {len(different)} differences, {signed} have its sign in at least {SIGN_AIM:.0%} of studies "
+        f"and {significant} are significant in at least {SIGNIFICANT_AIM:.0%}. Of the {len(same)} comparisons without "
+        f"a difference, {sum(item.met for item in same)} stay without one in at least {SIGNIFICANT_AIM:.0%}.",
+        f"{len(off)} means lie outside the paper's SD"
+        + (": " + ", ".join(f"{_SHORT[i.measure]} {i.kind} {_NAMES[i.condition]}" for i in off) if off else "")
+        + ".",
+    ]
+    return "\n\n".join(lines)
+
+
+def _varied(result: Replication) -> list[str]:
+    """One thing at a time: what each variation does to every comparison that was missed, and to the others."""
+    if not result.varied:
+        return []
+    count = result.varied[0][1]
+    parts = [
+        "## One thing at a time",
+        f"Each variation changes one thing in the fitted simulation and runs {count} studies; everything else, alpha's "
+        f"calibration included, follows. A share moves when it changes by more than {MOVED:.0%} and twice its standard "
+        "error. Nothing was tuned by these.",
+    ]
+    own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
+    for title, items in (
+        ("Comparisons that missed their aim", [item for item in own if not item.met]),
+        ("Comparisons that met it", [item for item in own if item.met]),
+    ):
+        lines = [f"### {title}"]
+        for item in items:
+            moved = [text for variation, n, of, _ in result.varied if (text := _moves(item, variation, n, of))]
+            lines.append(
+                f"- **{name_of(item.claim)}** (sign {_percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
+                f"difference {_number(item.mean)}, paper {_number(item.claim.paper_difference)}): "
+                + ("; ".join(moved) if moved else "no variation moves it")
+                + "."
+            )
+        parts.append("\n".join([lines[0], "", *lines[1:]]) if items else f"{lines[0]}\n\nNone.")
+    parts += ["### Mean differences under each variation", _code(_differences_table(result))]
+    return parts
+
+
+def _moves(item: Share, variation: Variation, studies: int, of: Sequence[Share]) -> str | None:
+    other = next(share for share in of if share.claim == item.claim)
+    told = []
+    for word, before, after in (
+        ("sign", item.same_sign, other.same_sign),
+        ("p<.05", item.significant, other.significant),
+    ):
+        error = (max(before * (1.0 - before), 0.01) / studies) ** 0.5
+        if abs(after - before) > max(MOVED, 2.0 * error):
+            told.append(f"{word} {before:.0%} to {after:.0%}")
+    return f"{variation.name}: {', '.join(told)} (difference {_number(other.mean)})" if told else None
+
+
+def _differences_table(result: Replication) -> str:
+    own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
+    head = ("varied", *(f"{_CODES[item.claim.measure]}{item.claim.kind[0]}:{_pair(item.claim)}" for item in own))
+    rows: list[tuple[str, ...]] = [head, ("paper", *(_number(item.claim.paper_difference) for item in own))]
+    rows.append(("nothing", *(_number(item.mean) for item in own)))
+    for variation, _, of, _ in result.varied:
+        found = {item.claim: item for item in of}
+        rows.append((variation.name, *(_number(found[item.claim].mean) for item in own)))
+    legend = (
+        "G gain, C convergence, E efficiency, W window rate; p pickups, a all tasks;\n"
+        "B balanced, O goal-oriented, T teleoperation."
+    )
+    return _columns(rows) + "\n" + legend
+
+
+_CODES = {"belief_gain": "G", "convergence_user_actions": "C", "efficiency_ticks": "E", "window_rate": "W"}
+
+
+def _pair(claim: Claim) -> str:
+    letters = {"teleoperation": "T", "goal_oriented": "O", "balanced": "B"}
+    return f"{letters[claim.first]}-{letters[claim.second]}"
+
+
+def _means_table(result: Replication) -> str:
+    rows: list[tuple[str, ...]] = [("measure", "paper M (SD)", "ours M [95 %] (SD)", "within SD")]
+    for item in result.means:
+        rows.append(
+            (
+                f"{_SHORT[item.measure]} {item.kind}, {_NAMES[item.condition]}",
+                f"{_number(item.paper_mean)} ({_number(item.paper_sd)})",
+                f"{_number(item.mean)} [{_number(item.interval[0])}, {_number(item.interval[1])}] ({_number(item.sd)})",
+                "yes" if item.within_sd else "NO",
+            )
+        )
+    return _columns(rows)
+
+
+def _goals_table(result: Replication) -> str:
+    counts = sorted({count for item in result.goals for count in item.by_goals})
+    rows: list[tuple[str, ...]] = [
+        ("condition", *(f"{count} goals" for count in counts), "rising", "rising p<.05", "falling p<.05")
+    ]
+    for item in result.goals:
+        gains = (_number(item.by_goals[count]) if count in item.by_goals else "" for count in counts)
+        parts = (item.rising, item.rising_significant, item.falling_significant)
+        rows.append((_NAMES[item.condition], *gains, *(_percent(part) for part in parts)))
+    return _columns(rows)
+
+
+def _counts_table(result: Replication) -> str:
+    studies = len(result.studies)
+    totals = {name: sum(item.counts.get(name, 0) for item in result.studies) for name in result.studies[0].counts}
+    paper = {
+        "tasks": "216",
+        "failed_pickups": "1",
+        "failed_dropoffs": "3",
+        "never_converged": "9",
+        "windows_pickup": "about 337 (ticks times rate)",
+        "windows_all": "about 624",
+        "uncertain_windows_pickup": f"at least {UNCERTAIN_WINDOWS['pickup']} (degrees of freedom)",
+        "uncertain_windows_all": f"at least {UNCERTAIN_WINDOWS['all']}",
+    }
+    rows: list[tuple[str, ...]] = [("per study", "ours", "paper")]
+    rows += [(name.replace("_", " "), f"{total / studies:.1f}", paper.get(name, "")) for name, total in totals.items()]
+    return _columns(rows)
+
+
+def _fit_table() -> str:
+    found = fitted()["found"]
+    if not isinstance(found, dict):
+        return str(found)
+    rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", *found["variants"])]
+    first = next(iter(found["variants"].values()))
+    for number, anchor in enumerate(first["anchors"]):
+        ours = (_number(item["anchors"][number]["ours"]) for item in found["variants"].values())
+        rows.append((f"{_SHORT[anchor['measure']]} {anchor['kind']}", _number(anchor["paper"]), *ours))
+    rows.append(("misfit", "", *(f"{item['misfit']:.1f}" for item in found["variants"].values())))
+    windows = (f"{item['windows_above_entropy']} of {item['windows']}" for item in found["variants"].values())
+    rows.append(("windows above 0.7 (not fitted)", "", *windows))
+    values = "\n".join(f"{name}: {json.dumps(item['values'])}" for name, item in found["variants"].items())
+    return f"{_columns(rows)}\n\n{values}\n\n{found['by']}"
+
+
+def _traits_table(result: Replication) -> str:
+    rows: list[tuple[str, ...]] = [("trait", "mean", "spread", "fitted", "meaning")]
+    for name, trait in TRAITS.items():
+        mean, spread = result.plan.population.mean(name), trait.spread * result.plan.population.spread_scale
+        rows.append((name, f"{mean:.4g}", f"{spread:.2g}", "yes" if trait.fitted else "", trait.about))
+    return _columns(rows)
+
+
+# ---- tables ---------------------------------------------------------------------------------------------------------
+
+
+def _share_row(item: Share) -> list[Any]:
+    claim, (low, high) = item.claim, item.interval
+    numbers = (claim.paper_difference, item.mean, low, high, item.same_sign, item.significant, item.opposite)
+    return [
+        *(claim.measure, claim.kind, claim.first, claim.second, claim.verdict),
+        *(f"{number:.6g}" for number in numbers),
+        *((claim.margin, item.within, item.equivalent) if claim.margin else ("", "", "")),
+        int(item.met),
+    ]
+
+
+def _means_row(item: Means) -> list[Any]:
+    numbers = (item.paper_mean, item.paper_sd, item.mean, *item.interval, item.sd)
+    return [item.measure, item.kind, item.condition, *(f"{value:.6g}" for value in numbers), int(item.within_sd)]
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([columns, *rows])
+
+
+def _number(value: float) -> str:
+    return f"{value:.4f}" if abs(value) < 0.1 else f"{value:.1f}"
+
+
+def _percent(value: float) -> str:
+    return "" if value != value else f"{value:.0%}"
+
+
+def _code(text: str) -> str:
+    return f"```\n{text}\n```"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of text in columns: words to the left, numbers to the right."""
+    widths = [max(len(row[index]) for row in rows) for index in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:-1], widths[1:-1], strict=True)]
+        lines.append("  ".join([*cells, row[-1]]))
+    return "\n".join(lines)

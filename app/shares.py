@@ -1,0 +1,214 @@
+"""Simulated studies held against the paper's comparisons: signs, significance, equivalence, each counted by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from app.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
+from app.studies import SURVEYS, Values
+from study.analysis import compare
+from study.statistics import Anova, slope
+
+ALPHA = 0.05
+SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80
+
+
+@dataclass(frozen=True)
+class Tested:
+    """One comparison in one study: the adjusted difference, Tukey's p, and whether it was shown to be within the
+    margin (two one-sided tests at .05). None = nothing to compare."""
+
+    difference: float
+    p: float
+    equivalent: bool
+
+
+@dataclass(frozen=True)
+class Share:
+    """One of the paper's comparisons over all studies."""
+
+    claim: Claim
+    differences: tuple[float, ...]
+    same_sign: float
+    significant: float
+    """In the paper's direction; for a comparison without a reported difference, in any."""
+    opposite: float
+    """Significant in the other direction."""
+    within: float
+    """The difference itself is smaller than the margin."""
+    equivalent: float
+    """And the study shows it to be."""
+
+    @property
+    def mean(self) -> float:
+        """Mean difference over the studies."""
+        return float(np.mean(self.differences)) if self.differences else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The middle 95 % of the studies."""
+        return middle(self.differences)
+
+    @property
+    def met(self) -> bool:
+        """Whether the aim is met: the sign in 95 % and significance in 80 % of the studies, or no significant
+        difference in 80 %."""
+        if self.claim.verdict == "different":
+            return self.same_sign >= SIGN_AIM and self.significant >= SIGNIFICANT_AIM
+        return 1.0 - self.significant >= SIGNIFICANT_AIM
+
+
+@dataclass(frozen=True)
+class Means:
+    """One measure under one condition: the paper's mean and SD, ours over the studies."""
+
+    measure: str
+    kind: str
+    condition: str
+    paper_mean: float
+    paper_sd: float
+    mean: float
+    interval: tuple[float, float]
+    sd: float
+
+    @property
+    def within_sd(self) -> bool:
+        """Whether ours lies within one SD of the paper's mean."""
+        return abs(self.mean - self.paper_mean) <= self.paper_sd
+
+
+@dataclass(frozen=True)
+class GoalGain:
+    """Belief gain by number of goals under one condition, and how often it rises with it."""
+
+    condition: str
+    by_goals: dict[int, float]
+    rising: float
+    rising_significant: float
+    falling_significant: float
+
+
+def middle(values: Sequence[float]) -> tuple[float, float]:
+    """2.5 % and 97.5 % quantile."""
+    if not values:
+        return float("nan"), float("nan")
+    low, high = np.quantile(values, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Tested]:
+    """Every comparison in one study, as the paper tested it."""
+    found: dict[Claim, Tested] = {}
+    for key in dict.fromkeys((claim.measure, claim.kind) for claim in claims):
+        if not values.observations.get(key):
+            continue
+        measure, kind = key
+        result = compare(
+            values.observations[key],
+            measure,
+            None if measure in SURVEYS else kind,  # type: ignore[arg-type]
+            CONDITIONS_IN_ORDER,
+            mixed=False,
+            intervals=False,
+        )
+        model = result.anova
+        if not isinstance(model, Anova):
+            continue
+        for claim in claims:
+            if (claim.measure, claim.kind) != key:
+                continue
+            for pair in result.pairs:
+                if {pair.first, pair.second} == {claim.first, claim.second}:
+                    turned = 1.0 if pair.first == claim.first else -1.0
+                    difference = turned * pair.difference.value
+                    found[claim] = Tested(difference, pair.p, _equivalent(claim, model, difference))
+    return found
+
+
+def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
+    if not claim.margin:
+        return False
+    places = [model.conditions.index(name) for name in (claim.first, claim.second)]
+    reach = float(stats.t.ppf(1.0 - ALPHA, model.df_error)) * model.contrast_se[places[0]][places[1]]
+    return abs(difference) + reach < claim.margin
+
+
+def shares(tested: Sequence[Mapping[Claim, Tested]], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
+    """All studies together; a study in which a comparison could not be made counts against it."""
+    return tuple(_share(claim, [study[claim] for study in tested if claim in study], len(tested)) for claim in claims)
+
+
+def _share(claim: Claim, found: Sequence[Tested], studies: int) -> Share:
+    def share(holds: Sequence[bool]) -> float:
+        return sum(holds) / studies if studies else float("nan")
+
+    sign = claim.sign
+    directed = claim.verdict == "different"
+    return Share(
+        claim=claim,
+        differences=tuple(item.difference for item in found),
+        same_sign=share([item.difference * sign > 0.0 for item in found]) if sign else float("nan"),
+        significant=share([item.p < ALPHA and (not directed or item.difference * sign > 0.0) for item in found]),
+        opposite=share([item.p < ALPHA and item.difference * sign < 0.0 for item in found]),
+        within=share([abs(item.difference) < claim.margin for item in found]),
+        equivalent=share([item.equivalent for item in found]),
+    )
+
+
+def means(studies: Sequence[Values]) -> tuple[Means, ...]:
+    """The paper's means beside ours."""
+    rows = []
+    for item in REPORTED:
+        for condition in CONDITIONS_IN_ORDER:
+            per_study = [
+                [one.value for one in study.observations[item.measure, item.kind] if one.condition == condition]
+                for study in studies
+            ]
+            of = [float(np.mean(found)) for found in per_study if found]
+            sds = [float(np.std(found, ddof=1)) for found in per_study if len(found) > 1]
+            rows.append(
+                Means(
+                    measure=item.measure,
+                    kind=item.kind,
+                    condition=condition,
+                    paper_mean=item.means[condition],
+                    paper_sd=item.sds[condition],
+                    mean=float(np.mean(of)) if of else float("nan"),
+                    interval=middle(of),
+                    sd=float(np.mean(sds)) if sds else float("nan"),
+                )
+            )
+    return tuple(rows)
+
+
+def goal_gains(studies: Sequence[Values]) -> tuple[GoalGain, ...]:
+    """The paper's Fig. 4: all tasks, dropoffs having two goals."""
+    rows = []
+    for condition in CONDITIONS_IN_ORDER:
+        of = [
+            [one for one in study.observations["belief_gain", "all"] if one.condition == condition] for study in studies
+        ]
+        counts = sorted({one.goals for found in of for one in found})
+        lines = [slope([one.goals for one in found], [one.value for one in found]) for found in of]
+        known = [line for line in lines if hasattr(line, "per_unit")]
+        rows.append(
+            GoalGain(
+                condition=condition,
+                by_goals={
+                    count: float(np.mean([one.value for found in of for one in found if one.goals == count]))
+                    for count in counts
+                },
+                rising=_part([line.per_unit.value > 0.0 for line in known]),
+                rising_significant=_part([line.per_unit.value > 0.0 and line.p < ALPHA for line in known]),
+                falling_significant=_part([line.per_unit.value < 0.0 and line.p < ALPHA for line in known]),
+            )
+        )
+    return tuple(rows)
+
+
+def _part(holds: Sequence[bool]) -> float:
+    return sum(holds) / len(holds) if holds else float("nan")

@@ -1,0 +1,206 @@
+"""Many simulated studies: each reduced, where it was run, to the values that are compared (`Values`), kept on disk so
+that an interrupted run goes on where it was.
+
+Study k of a run depends on the run's seed and k alone. Its participants take the orders in turn, as in the lab, but
+beginning at an order of its own, so that a number that is no multiple of six leaves no order behind for good.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from app.config import LabError
+from app.console import ProgressBar
+from app.paper import REPORTED
+from app.parts import make_robot
+from app.simulate import Plan, participant_seed, run_jobs
+from app.simulation import simulate_trials
+from study.analysis import Observation, observations, survey_observations
+from study.design import orders
+from study.measures import measure, survey_scores
+
+Key = tuple[str, str]
+"""Measure and kind, as in `app.paper.REPORTED`."""
+SURVEYS = ("sus_modified", "tlx_raw")
+
+
+@dataclass(frozen=True)
+class Values:
+    """What is compared, for some participants: observations by measure and kind, and a few counts."""
+
+    observations: dict[Key, tuple[Observation, ...]]
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def joined(self, others: Iterable[Values]) -> Values:
+        """These and others together."""
+        everything = [self, *others]
+        return Values(
+            {key: tuple(one for item in everything for one in item.observations[key]) for key in self.observations},
+            {name: sum(item.counts.get(name, 0) for item in everything) for name in self.counts},
+        )
+
+
+def study_seed(seed: int, study: int) -> int:
+    """The seed of study `study`, from 0."""
+    return participant_seed(seed, study)
+
+
+def run_participant(plan: Plan, first_order: int, index: int) -> Values:
+    """One participant's values. Someone who gave up is left out, as an incomplete participant is from an analysis."""
+    case = plan.case(index)
+    choices = orders(case.setup.study)
+    case = replace(case, order=choices[(first_order + index) % len(choices)])
+    record = simulate_trials(case, partial(make_robot, plan.robot))
+    complete = len(record["tasks"]) == len(choices[0]) * case.setup.study.tasks_per_trial
+    measures = measure(record["tasks"], record["ticks"]) if complete else measure([], [])
+    scores = survey_scores(record["survey_answers"]) if complete else ()
+    found: dict[Key, tuple[Observation, ...]] = {}
+    for item in REPORTED:
+        if item.measure in SURVEYS:
+            found[item.measure, item.kind] = survey_observations(scores, item.measure)
+        else:
+            found[item.measure, item.kind] = observations(measures, item.measure, item.kind)
+    counts = {
+        "participants": 1,
+        "gave_up": 0 if complete else 1,
+        "tasks": len(measures.tasks),
+        "ticks": len(record["ticks"]),
+        "failed_pickups": sum(t.kind == "pickup" and t.outcome == "failure" for t in measures.tasks),
+        "failed_dropoffs": sum(t.kind == "dropoff" and t.outcome == "failure" for t in measures.tasks),
+        "never_converged": sum(t.convergence_user_actions is None for t in measures.analysed_tasks()),
+        "windows_pickup": len(measures.analysed_windows("pickup")),
+        "windows_all": len(measures.analysed_windows()),
+        "uncertain_windows_pickup": len(measures.gains("pickup")),
+        "uncertain_windows_all": len(measures.gains()),
+    }
+    return Values(found, counts)
+
+
+def run_study(plan: Plan, participants: int, study: int) -> Values:
+    """One study's values."""
+    own = replace(plan, seed=study_seed(plan.seed, study))
+    first, *others = [run_participant(own, study * participants, index) for index in range(participants)]
+    return first.joined(others)
+
+
+@dataclass(frozen=True)
+class Archive:
+    """Finished studies on disk, one file each. With no folder nothing is kept."""
+
+    folder: Path | None
+    settings: dict[str, Any]
+
+    def open(self) -> None:
+        """Make the folder, or check that what is there is of the same run. Raises `LabError`."""
+        if self.folder is None:
+            return
+        note = self.folder / "settings.json"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if not note.exists():
+                note.write_text(json.dumps(self.settings), encoding="utf-8")
+            found = json.loads(note.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise LabError(f"{self.folder}: cannot be used: {error}; choose another --out") from None
+        if found != self.settings:
+            changed = sorted(name for name in self.settings if found.get(name) != self.settings[name])
+            raise LabError(
+                f"{self.folder}: holds studies with another {', '.join(changed)}; remove it, or choose another --out"
+            )
+
+    def load(self, study: int) -> Values | None:
+        """A finished study; None when it is still to be run."""
+        if self.folder is None or not self._place(study).is_file():
+            return None
+        with gzip.open(self._place(study), "rt", encoding="utf-8") as file:
+            data = json.load(file)
+        return Values(
+            {
+                (name, kind): tuple(Observation(*values) for values in of)
+                for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
+            },
+            data["counts"],
+        )
+
+    def save(self, study: int, values: Values) -> None:
+        """Put a study away, all or nothing."""
+        if self.folder is None:
+            return
+        data = {
+            "observations": {"/".join(key): [astuple(one) for one in of] for key, of in values.observations.items()},
+            "counts": values.counts,
+        }
+        unfinished = self._place(study).with_suffix(f".{os.getpid()}")
+        with gzip.open(unfinished, "wt", encoding="utf-8", compresslevel=3) as file:
+            json.dump(data, file)
+        os.replace(unfinished, self._place(study))
+
+    def _place(self, study: int) -> Path:
+        assert self.folder is not None
+        return self.folder / f"study-{study:04d}.json.gz"
+
+
+def run_studies(
+    plan: Plan, studies: int, participants: int, workers: int, folder: Path | None, what: str = "studies"
+) -> list[Values]:
+    """The values of every study, in order; those on disk are not run again."""
+    archive = Archive(folder, {**plan.settings(), "participants": participants})
+    archive.open()
+    done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
+    missing = [study for study in range(studies) if study not in done]
+    if missing:
+        bar = ProgressBar(what, studies, len(done))
+        try:
+            for study, values in run_jobs(partial(run_study, plan, participants), missing, workers):
+                archive.save(study, values)
+                done[study] = values
+                bar.step()
+        finally:
+            bar.close()
+    return [done[study] for study in range(studies)]
+
+
+@dataclass(frozen=True)
+class Person:
+    """One simulated participant of many studies; `order` is the order of conditions."""
+
+    study: int
+    participant: str
+    order: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """All people of several studies, to draw new studies from."""
+
+    people: tuple[Person, ...]
+    own: dict[Person, dict[Key, tuple[Observation, ...]]]
+
+    @classmethod
+    def of(cls, studies: Sequence[Values]) -> Pool:
+        """Everyone who completed; participants get names that are theirs alone."""
+        own: dict[tuple[int, str], dict[Key, list[Observation]]] = {}
+        for number, values in enumerate(studies):
+            for key, of in values.observations.items():
+                for one in of:
+                    of_person = own.setdefault((number, one.participant), {})
+                    of_person.setdefault(key, []).append(replace(one, participant=f"{number}-{one.participant}"))
+        people = {}
+        for (number, name), of_person in own.items():
+            places = {one.position: one.condition for of in of_person.values() for one in of}
+            order = tuple(places[place] for place in sorted(places))
+            people[Person(number, name, order)] = {key: tuple(of) for key, of in of_person.items()}
+        return cls(tuple(people), people)
+
+    def values(self, people: Iterable[Person]) -> Values:
+        """A study of those people."""
+        chosen = list(people)
+        keys = dict.fromkeys(key for person in chosen for key in self.own[person])
+        return Values({key: tuple(one for person in chosen for one in self.own[person].get(key, ())) for key in keys})
