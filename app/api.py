@@ -299,10 +299,10 @@ _command_route("abort", lambda reason: Event("abort", reason), True, "End the se
 
 @private.get("/export")
 async def export(lab: TheLab, who: Experimenter) -> FileResponse:
-    """All data as a zip of CSV files. Demo participants and identities are not in it."""
+    """All data as a zipped data package. Demo participants and identities are not in it."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
     path = Path(folder.name) / "export.zip"
-    await lab.store.run(lambda store: path.write_bytes(export_zip(store)))
+    await asyncio.to_thread(export_zip, lab.store.store, path)  # beside the writing thread: ticks do not wait for it
     return FileResponse(
         path,
         media_type="application/zip",

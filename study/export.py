@@ -1,9 +1,13 @@
-"""The data package: one CSV per table, the codebook, the study file and where the data came from. And reading it back.
+"""The data package: every table as CSV and Parquet, described, with the study file and where the data came from. And
+reading it back.
 
-    participants.csv trials.csv tasks.csv ticks.csv practice_ticks.csv alerts.csv survey_answers.csv events.csv
-    codebook.csv     every column of every table, described
-    study.toml       the study file (with several in use: study-<hash>.toml each, and study.toml is the latest)
-    meta.json        schema version, machines, counts
+    datapackage.json     what is in each file (Frictionless): type, unit, levels, keys of every column; see `package`
+    participants trials tasks ticks practice_ticks alerts survey_answers events, each as .csv and .parquet
+    codebook.csv         every column of every table, described
+    questionnaires.json  what was asked: items, anchors, scoring
+    study.toml           the study file (with several in use: study-<hash>.toml each, and study.toml is the latest)
+    meta.json            schema version, machines with software versions, counts
+    SHA256SUMS           of all of these
 
 The same data give the same bytes. Whatever identifies a person is not here: the store keeps it in tables of its own.
 """
@@ -11,22 +15,24 @@ The same data give the same bytes. Whatever identifies a person is not here: the
 from __future__ import annotations
 
 import csv
-import io
 import json
+import os
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from study.package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
+from study.questionnaires import asked
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
 from study.store import Snapshot, Store
+from study.study_file import parse_toml
 
 META_NAME = "meta.json"
 FORMAT = "shared-autonomy-lab export"
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 """A fixed time in the archive: equal data give equal bytes."""
-_CODEBOOK_COLUMNS = ("table", "column", "type", "may_be_blank", "unit", "levels", "description")
 
 
 def _text(value: object) -> str:
@@ -53,12 +59,24 @@ def export(store: Store, out_dir: Path | str, *, include_demo: bool = False) -> 
         return write_tables(out_dir, tables, studies=studies, meta=meta)
 
 
-def export_zip(store: Store, *, include_demo: bool = False) -> bytes:
-    """The same files as one archive, in memory."""
-    archive = _Archive()
-    with store.snapshot() as recorded:
-        _write(archive, *_contents(recorded, include_demo))
-    return archive.close()
+def export_zip(store: Store, zip_path: Path | str, *, include_demo: bool = False) -> dict[str, int]:
+    """The same files as one archive, which replaces an earlier one; rows per table.
+
+    Raises `ExportError` when there is a file of that name that is no archive of an export.
+    """
+    path = Path(zip_path)
+    if path.exists() and not _is_archive(path):
+        raise ExportError(f"{path}: there already, and not an earlier export; choose another name")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=path.parent) as made:
+            folder, archive = Path(made) / "files", Path(made) / "archive.zip"
+            counts = export(store, folder, include_demo=include_demo)
+            _pack(folder, archive)
+            os.replace(archive, path)
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return counts
 
 
 def _contents(
@@ -86,7 +104,7 @@ def write_tables(
     folder = Path(out_dir)
     _claim(folder)
     try:
-        return _write(_Folder(folder), tables, studies or {}, meta or {})
+        return _write(folder, tables, studies or {}, meta or {})
     except OSError as error:
         raise ExportError(f"{folder}: cannot be written: {error.strerror or error}") from None
 
@@ -145,46 +163,23 @@ def read_meta(in_dir: Path | str) -> dict[str, Any]:
     return meta
 
 
-class _Folder:
-    """Writes files into a folder; a table is streamed."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def text(self, name: str, text: str) -> None:
-        (self.path / name).write_text(text, encoding="utf-8", newline="")
-
-    def table(self, name: str, lines: Iterable[Iterable[Any]]) -> None:
-        with (self.path / name).open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(lines)
+def _pack(folder: Path, archive: Path) -> None:
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        for path in sorted(folder.iterdir()):
+            info = zipfile.ZipInfo(path.name, _ZIP_TIME)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = 0o644 << 16
+            with path.open("rb") as source, packed.open(info, "w", force_zip64=True) as target:
+                while block := source.read(1 << 20):
+                    target.write(block)
 
 
-class _Archive:
-    """Writes the same files into a zip in memory."""
-
-    def __init__(self) -> None:
-        self._bytes = io.BytesIO()
-        self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED)
-
-    def text(self, name: str, text: str) -> None:
-        with self._open(name) as file:
-            file.write(text.encode())
-
-    def table(self, name: str, lines: Iterable[Iterable[Any]]) -> None:
-        with ExitStack() as stack:
-            raw = stack.enter_context(self._open(name))
-            text = stack.enter_context(io.TextIOWrapper(raw, encoding="utf-8", newline=""))
-            csv.writer(text, lineterminator="\n").writerows(lines)
-
-    def close(self) -> bytes:
-        self._zip.close()
-        return self._bytes.getvalue()
-
-    def _open(self, name: str) -> Any:
-        info = zipfile.ZipInfo(name, _ZIP_TIME)
-        info.compress_type = zipfile.ZIP_DEFLATED
-        info.external_attr = 0o644 << 16
-        return self._zip.open(info, "w", force_zip64=True)
+def _is_archive(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return _is_ours(archive.read(META_NAME))
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return False
 
 
 def _claim(folder: Path) -> None:
@@ -204,55 +199,82 @@ def _claim(folder: Path) -> None:
 def _is_export(folder: Path) -> bool:
     """Whether the folder holds an export of any schema version, or one that was interrupted."""
     try:
-        meta = json.loads((folder / META_NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return _is_ours((folder / META_NAME).read_bytes())
+    except OSError:
+        return False
+
+
+def _is_ours(meta_json: bytes) -> bool:
+    try:
+        meta = json.loads(meta_json)
+    except ValueError:
         return False
     return isinstance(meta, dict) and meta.get("format") == FORMAT
 
 
 def _fixed_names() -> frozenset[str]:
-    return frozenset({*(f"{table}.csv" for table in TABLES), "codebook.csv", "study.toml", META_NAME})
+    return frozenset({*file_names(), "study.toml"})
 
 
 def _write(
-    files: _Folder | _Archive,
+    folder: Path,
     tables: Mapping[str, Iterable[Any]],
     studies: Mapping[str, str],
     meta: Mapping[str, Any],
 ) -> dict[str, int]:
     head = {"format": FORMAT, "schema_version": SCHEMA_VERSION}
-    if isinstance(files, _Folder):
-        # First of all, so that an export that is interrupted can be recognised and done again.
-        files.text(META_NAME, json.dumps({**head, "complete": False}) + "\n")
-    counts: dict[str, int] = {}
-    for table in TABLES:
-        counts[table] = 0
-        files.table(f"{table}.csv", _lines(table, tables.get(table, ()), counts))
-    files.table("codebook.csv", _codebook_lines())
-    for study_hash, text in studies.items():
-        files.text("study.toml" if len(studies) == 1 else f"study-{study_hash[:12]}.toml", text)
+    # First of all, so that an export that is interrupted can be recognised and done again.
+    _put(folder, META_NAME, json.dumps({**head, "complete": False}) + "\n")
+    counts = {table: _write_table(folder, table, tables.get(table, ())) for table in TABLES}
+    written = [f"{table}.{extension}" for extension in ("csv", "parquet") for table in TABLES]
+    with (folder / "codebook.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(_codebook_lines())
+    texts = {"study.toml" if len(studies) == 1 else f"study-{key[:12]}.toml": text for key, text in studies.items()}
     if len(studies) > 1:
-        files.text("study.toml", list(studies.values())[-1])
+        texts["study.toml"] = list(studies.values())[-1]
+    data = {key: parse_toml(text.encode(), f"study {key[:12]}")[0] for key, text in studies.items()}
+    told = {"studies": {key: asked(study) for key, study in data.items()}}
+    texts["questionnaires.json"] = json.dumps(told, indent=2, ensure_ascii=False) + "\n"
+    for name, text in texts.items():
+        _put(folder, name, text)
     complete = {**head, "complete": True, "rows": counts, "studies": list(studies), **meta}
-    files.text(META_NAME, json.dumps(complete, indent=2, sort_keys=True) + "\n")
+    meta_json = json.dumps(complete, indent=2, sort_keys=True) + "\n"
+    titles = {str(study.get("title")): None for study in data.values()}
+    title = "; ".join(titles) or "No participants yet"
+    write_descriptor(folder, [*written, "codebook.csv", *texts], {META_NAME: meta_json}, title)
+    _put(folder, META_NAME, meta_json)
     return counts
 
 
-def _lines(table: str, rows: Iterable[Any], counts: dict[str, int]) -> Iterator[list[Any]]:
+def _put(folder: Path, name: str, text: str) -> None:
+    (folder / name).write_text(text, encoding="utf-8", newline="")
+
+
+def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
+    """Write the rows as CSV and Parquet while they stream by; how many there were."""
     row_type = TABLES[table]
     casts = [(info.name, _WRITERS[info.type]) for info in columns(table)]
-    yield [name for name, _ in casts]
-    for row in rows:
-        if not isinstance(row, row_type):
-            raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
-        counts[table] += 1
-        given = vars(row)
-        # Through the column's own type, so that a numpy number or a bool is written as the number it is.
-        yield ["" if given[name] is None else cast(given[name]) for name, cast in casts]
+    count = 0
+    with (
+        (folder / f"{table}.csv").open("w", encoding="utf-8", newline="") as file,
+        ParquetTable(folder / f"{table}.parquet", table) as parquet,
+    ):
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow([name for name, _ in casts])
+        for row in rows:
+            if not isinstance(row, row_type):
+                raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
+            count += 1
+            given = vars(row)
+            # Through the column's own type, so that a numpy number or a bool is written as the number it is.
+            values = [None if given[name] is None else cast(given[name]) for name, cast in casts]
+            lines.writerow(values)
+            parquet.add(values)
+    return count
 
 
 def _codebook_lines() -> Iterator[tuple[str, ...]]:
-    yield _CODEBOOK_COLUMNS
+    yield tuple(CODEBOOK_COLUMNS)
     for info in codebook():
         yield (
             info.table,

@@ -9,9 +9,9 @@ Blank (`None`) always means "does not apply"; what that means for a column stand
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 SCHEMA_VERSION = 1
 
@@ -20,9 +20,36 @@ class StudyError(ValueError):
     """A value the study engine cannot take; the message gives the value, the bound and the choices."""
 
 
-def column(description: str, *, unit: str | None = None, levels: tuple[str, ...] = ()) -> Any:
-    """A dataclass field that carries its own documentation."""
-    return field(metadata={"description": description, "unit": unit, "levels": levels})
+UTC = "ISO 8601 UTC"
+"""The unit of a time of day; it is written as text such as 2026-01-31T09:30:00.000+00:00."""
+YES_NO = "0/1"
+"""The unit of what is so (1) or not (0)."""
+
+
+def column(
+    description: str,
+    *,
+    unit: str | None = None,
+    levels: tuple[str, ...] = (),
+    json: Literal["object", "array"] | None = None,
+    least: int | None = None,
+    most: int | None = None,
+) -> Any:
+    """A dataclass field that carries its own documentation.
+
+    `levels` are all values a text may have, `json` is what a text holds that is JSON, `least` and `most` bound a
+    number.
+    """
+    return field(
+        metadata={
+            "description": description,
+            "unit": unit,
+            "levels": levels,
+            "json": json,
+            "least": least,
+            "most": most,
+        }
+    )
 
 
 CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
@@ -36,15 +63,22 @@ class ParticipantRow:
     """One person (or simulated person) who was enrolled."""
 
     participant: str = column("Participant id, unique in the data set")
-    seed: int = column("Seed of everything random about this participant")
+    seed: int = column("Seed of everything random about this participant", least=0)
     condition_order: str = column("Condition ids in the order run, joined by '>'")
     state: str = column("State of the session when exported (done = complete)")
     study_hash: str = column("SHA-256 of the study file this participant ran under")
-    created_utc: str = column("When the participant was created", unit="ISO 8601 UTC")
-    consent_utc: str | None = column("When consent was given; blank = not given", unit="ISO 8601 UTC")
+    created_utc: str = column("When the participant was created", unit=UTC)
+    consent_utc: str | None = column("When consent was given; blank = not given", unit=UTC)
     consent_hash: str | None = column("SHA-256 of the consent text agreed to")
-    finished_utc: str | None = column("When the session ended; blank = it has not", unit="ISO 8601 UTC")
+    finished_utc: str | None = column("When the session ended; blank = it has not", unit=UTC)
     schema_version: int = column("Version of these row types")
+    kind: str = dataclasses.field(
+        default="study",
+        metadata=column(
+            "Enrolled for: the study itself, or a pilot or demo that is in an export only when asked for",
+            levels=("study", "pilot", "demo"),
+        ).metadata,
+    )
 
 
 @dataclass(frozen=True)
@@ -53,15 +87,15 @@ class TrialRow:
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
-    trial: int = column("Trial number, from 1")
+    trial: int = column("Trial number, from 1", least=1)
     layout: str = column("Name of the layout on the table")
-    placement: str = column("JSON: object id at each slot of the layout, in slot order")
-    parameters: str = column("JSON: every parameter of the arbiter in this trial")
+    placement: str = column("JSON: object id at each slot of the layout, in slot order", json="array")
+    parameters: str = column("JSON: every parameter of the arbiter in this trial", json="object")
     outcome: str = column("How the trial ended", levels=("completed", "aborted", "running"))
-    ticks: int = column("Ticks run, resets included", unit="ticks")
-    overruns: int = column("Ticks that started more than 50 ms late", unit="ticks")
-    started_utc: str | None = column("When the first tick started", unit="ISO 8601 UTC")
-    finished_utc: str | None = column("When the trial ended", unit="ISO 8601 UTC")
+    ticks: int = column("Ticks run, resets included", unit="ticks", least=0)
+    overruns: int = column("Ticks that started more than 50 ms late", unit="ticks", least=0)
+    started_utc: str | None = column("When the first tick started", unit=UTC)
+    finished_utc: str | None = column("When the trial ended", unit=UTC)
 
 
 @dataclass(frozen=True)
@@ -70,16 +104,16 @@ class TaskRow:
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
-    trial: int = column("Trial number, from 1")
-    task: int = column("Task number in the trial, from 1; odd = pickup")
+    trial: int = column("Trial number, from 1", least=1)
+    task: int = column("Task number in the trial, from 1; odd = pickup", least=1)
     kind: str = column("Kind of task", levels=KINDS)
     goal: str = column("Id of the instructed object (pickup) or bin (dropoff): the ground truth")
     object: str = column("Id of the object of this pick-and-place cycle")
-    goals: int = column("Number of candidate goals at the start of the task")
+    goals: int = column("Number of candidate goals at the start of the task", least=1)
     outcome: str = column("Outcome; not_run = the dropoff after a failed pickup", levels=OUTCOMES)
     reason: str | None = column("Why it failed or was not run; blank after a success")
-    first_tick: int | None = column("First tick of the task; blank if not run", unit="tick of the trial")
-    last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial")
+    first_tick: int | None = column("First tick of the task; blank if not run", unit="tick of the trial", least=0)
+    last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial", least=0)
 
 
 @dataclass(frozen=True)
@@ -88,54 +122,48 @@ class TickRow:
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
-    trial: int = column("Trial number, from 1")
-    task: int | None = column("Task number in the trial, from 1; blank while the arm resets")
+    trial: int = column("Trial number, from 1", least=1)
+    task: int | None = column("Task number in the trial, from 1; blank while the arm resets", least=1)
     kind: str | None = column("Kind of task; blank while the arm resets", levels=KINDS)
-    tick: int = column("Tick number in the trial, from 0")
-    cycle: int = column("Pick-and-place cycle in the trial, from 1; each starts in a fresh physics world")
-    trial_s: float = column("Trial time at the start of the tick; stands still while paused", unit="s")
+    tick: int = column("Tick number in the trial, from 0", least=0)
+    cycle: int = column("Pick-and-place cycle in the trial, from 1; each starts in a fresh physics world", least=1)
+    trial_s: float = column("Trial time at the start of the tick; stands still while paused", unit="s", least=0)
     goal: str | None = column("Instructed goal (object or bin id); blank while the arm resets")
     p_x: float = column("Gripper position at the start of the tick, world frame", unit="m")
     p_y: float = column("Gripper position at the start of the tick, world frame", unit="m")
     p_z: float = column("Gripper position at the start of the tick, world frame", unit="m")
-    m_x: float = column(
-        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
-    )
-    m_y: float = column(
-        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
-    )
-    m_z: float = column(
-        "Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1"
-    )
-    user_x: int | None = column("User input along x: -1, 0 or 1; blank = no input", unit="1")
-    user_y: int | None = column("User input along y: -1, 0 or 1; blank = no input", unit="1")
-    user_z: int | None = column("User input along z: -1, 0 or 1; blank = no input", unit="1")
+    m_x: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
+    m_y: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
+    m_z: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
+    user_x: int | None = column("User input along x: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
+    user_y: int | None = column("User input along y: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
+    user_z: int | None = column("User input along z: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
     action_x: int | None = column(
-        "Action taken, x; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+        "Action taken, x; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
     )
     action_y: int | None = column(
-        "Action taken, y; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+        "Action taken, y; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
     )
     action_z: int | None = column(
-        "Action taken, z; blank = none, 0,0,0 = the arbiter chose to stay", unit="1"
+        "Action taken, z; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
     )
     source: str = column("Who moved the robot in this tick", levels=SOURCES)
-    blocked: int = column("1 = the motion asked for was refused", unit="0/1")
+    blocked: int = column("1 = the motion asked for was refused", unit=YES_NO)
     blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not")
     gripper_input: str | None = column("Gripper button pressed for this tick", levels=("open", "close"))
     gripper: str = column("Gripper at the end of the tick", levels=("open", "closed", "moving"))
     held: str | None = column("Object id held at the end of the tick; blank = none")
-    after_pause: int = column("1 = first tick after a pause or a lost connection", unit="0/1")
+    after_pause: int = column("1 = first tick after a pause or a lost connection", unit=YES_NO)
     goals: str = column(
-        "JSON: candidate goal id to its position [x, y, z] at the start of the tick", unit="m"
+        "JSON: candidate goal id to its position [x, y, z] at the start of the tick",
+        unit="m",
+        json="object",
     )
-    belief: str = column("JSON: goal id to probability, after this tick's update")
+    belief: str = column("JSON: goal id to probability, after this tick's update", json="object")
     entropy: float = column("Entropy of that belief to base |goals|, 0 to 1; 0 with one goal", unit="1")
     input_seq: int | None = column("Sequence number of the last input this tick took into account")
-    started_utc: str | None = column("When the tick started; blank when simulated", unit="ISO 8601 UTC")
-    late_ms: float | None = column(
-        "How late the tick started against its deadline; blank in lockstep", unit="ms"
-    )
+    started_utc: str | None = column("When the tick started; blank when simulated", unit=UTC)
+    late_ms: float | None = column("How late the tick started against its deadline; blank in lockstep", unit="ms")
     digest: str = column("Hash of the world's state at the end of the tick, for verifying a replay")
 
 
@@ -145,23 +173,17 @@ class AlertRow:
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
-    trial: int = column("Trial number, from 1")
-    alert: int = column("Alert number in the trial, from 1")
+    trial: int = column("Trial number, from 1", least=1)
+    alert: int = column("Alert number in the trial, from 1", least=1)
     placement: str = column("Where it was shown", levels=("second_device", "same_page_away"))
     reading: str = column("The reading to be logged")
     due_trial_s: float = column("Trial time at which the alert was raised", unit="s")
-    shown_utc: str | None = column(
-        "When the page reported it visible; blank = never reported", unit="ISO 8601 UTC"
-    )
-    heard_utc: str | None = column(
-        "When the page reported the sound played; blank = never", unit="ISO 8601 UTC"
-    )
-    answered_utc: str | None = column(
-        "When the answer reached the lab; blank = no answer", unit="ISO 8601 UTC"
-    )
+    shown_utc: str | None = column("When the page reported it visible; blank = never reported", unit=UTC)
+    heard_utc: str | None = column("When the page reported the sound played; blank = never", unit=UTC)
+    answered_utc: str | None = column("When the answer reached the lab; blank = no answer", unit=UTC)
     answered_trial_s: float | None = column("Trial time of the answer; blank = no answer", unit="s")
     answer: str | None = column("What was typed; blank = no answer")
-    correct: int | None = column("1 = the typed value equals the reading; blank = no answer", unit="0/1")
+    correct: int | None = column("1 = the typed value equals the reading; blank = no answer", unit=YES_NO)
     status: str = column("State of the alert", levels=("open", "answered", "expired", "trial_ended"))
 
 
@@ -175,7 +197,7 @@ class SurveyAnswerRow:
     instrument: str = column("Questionnaire id (also demographics and comprehension)")
     item: str = column("Item id in the questionnaire")
     value: str = column("Answer as given: a scale point, the id of an option, or text")
-    answered_utc: str = column("When the answer reached the lab", unit="ISO 8601 UTC")
+    answered_utc: str = column("When the answer reached the lab", unit=UTC)
 
 
 @dataclass(frozen=True)
@@ -185,10 +207,10 @@ class EventRow:
     participant: str = column("Participant id")
     trial: int | None = column("Trial running at the time; blank = none")
     tick: int | None = column("Tick running at the time; blank = none")
-    utc: str = column("When the lab learned of it", unit="ISO 8601 UTC")
+    utc: str = column("When the lab learned of it", unit=UTC)
     kind: str = column("Name of the event")
     source: str = column("Who caused it", levels=("participant", "experimenter", "lab", "robot"))
-    data: str = column("JSON: details")
+    data: str = column("JSON: details", json="object")
 
 
 TABLES: dict[str, type] = {
@@ -202,6 +224,35 @@ TABLES: dict[str, type] = {
     "events": EventRow,
 }
 """Exported tables in the order they are written."""
+DESCRIPTIONS: Mapping[str, str] = {
+    "participants": "One row per participant: condition order, study file and consent",
+    "trials": "One row per trial: the condition with its parameters, and the objects on the table",
+    "tasks": "One row per pickup or dropoff: the instructed goal and the outcome",
+    "ticks": "One row per 0.5 s decision of the trials: state, input, action and belief",
+    "practice_ticks": "One row per 0.5 s decision of the practice before a trial; columns as in ticks",
+    "alerts": "One row per sensor reading of the second task",
+    "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
+    "events": "Anything else that happened, in order",
+}
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "participants": ("participant",),
+    "trials": ("participant", "trial"),
+    "tasks": ("participant", "trial", "task"),
+    "ticks": ("participant", "trial", "tick"),
+    "practice_ticks": ("participant", "trial", "tick"),
+    "alerts": ("participant", "trial", "alert"),
+}
+"""What makes a row unique, and the order of rows within a participant. Other tables keep the order of arrival."""
+REFERENCES: Mapping[str, str] = {
+    "trials": "participants",
+    "tasks": "trials",
+    "ticks": "trials",
+    "practice_ticks": "participants",
+    "alerts": "trials",
+    "survey_answers": "participants",
+    "events": "participants",
+}
+"""The table that a row belongs to, by that table's key. Practice comes before its trial has a row."""
 
 
 @dataclass(frozen=True)
@@ -215,6 +266,9 @@ class ColumnInfo:
     description: str
     unit: str | None
     levels: tuple[str, ...]
+    json: str | None
+    least: int | None
+    most: int | None
 
 
 def columns(table: str) -> tuple[ColumnInfo, ...]:
@@ -233,9 +287,7 @@ def columns(table: str) -> tuple[ColumnInfo, ...]:
                 name=item.name,
                 type=kind.__name__,
                 optional=bool(parts),
-                description=item.metadata["description"],
-                unit=item.metadata["unit"],
-                levels=item.metadata["levels"],
+                **item.metadata,
             )
         )
     return tuple(infos)
