@@ -63,8 +63,8 @@ def table(result: Replication) -> str:
         rows.append(
             (
                 name_of(claim),
-                f"{_number(claim.paper_difference)} {'n.s.' if same else '*   '}",
-                f"{_number(item.mean)} [{_number(low)}, {_number(high)}]",
+                f"{_number(claim.paper_difference, claim.measure)} {'n.s.' if same else '*   '}",
+                f"{_number(item.mean, claim.measure)} [{_number(low, claim.measure)}, {_number(high, claim.measure)}]",
                 f"{item.same_sign:.0%}" if claim.sign else "",
                 f"{item.significant:.0%}",
                 f"{item.within:.0%}" if same else "",
@@ -160,7 +160,8 @@ def _varied(result: Replication) -> list[str]:
             moved = [text for variation, n, of, _ in result.varied if (text := _moves(item, variation, n, of))]
             lines.append(
                 f"- **{name_of(item.claim)}** (sign {_percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
-                f"difference {_number(item.mean)}, paper {_number(item.claim.paper_difference)}): "
+                f"difference {_number(item.mean, item.claim.measure)}, "
+                f"paper {_number(item.claim.paper_difference, item.claim.measure)}): "
                 + ("; ".join(moved) if moved else "no variation moves it")
                 + "."
             )
@@ -179,17 +180,22 @@ def _moves(item: Share, variation: Variation, studies: int, of: Sequence[Share])
         error = (max(before * (1.0 - before), 0.01) / studies) ** 0.5
         if abs(after - before) > max(MOVED, 2.0 * error):
             told.append(f"{word} {before:.0%} to {after:.0%}")
-    return f"{variation.name}: {', '.join(told)} (difference {_number(other.mean)})" if told else None
+    return (
+        f"{variation.name}: {', '.join(told)} (difference {_number(other.mean, item.claim.measure)})" if told else None
+    )
 
 
 def _differences_table(result: Replication) -> str:
     own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
     head = ("varied", *(f"{_CODES[item.claim.measure]}{item.claim.kind[0]}:{_pair(item.claim)}" for item in own))
-    rows: list[tuple[str, ...]] = [head, ("paper", *(_number(item.claim.paper_difference) for item in own))]
-    rows.append(("nothing", *(_number(item.mean) for item in own)))
+    rows: list[tuple[str, ...]] = [
+        head,
+        ("paper", *(_number(item.claim.paper_difference, item.claim.measure) for item in own)),
+    ]
+    rows.append(("nothing", *(_number(item.mean, item.claim.measure) for item in own)))
     for variation, _, of, _ in result.varied:
         found = {item.claim: item for item in of}
-        rows.append((variation.name, *(_number(found[item.claim].mean) for item in own)))
+        rows.append((variation.name, *(_number(found[item.claim].mean, item.claim.measure) for item in own)))
     legend = (
         "G gain, C convergence, E efficiency, W window rate; p pickups, a all tasks;\n"
         "B balanced, O goal-oriented, T teleoperation."
@@ -208,11 +214,12 @@ def _pair(claim: Claim) -> str:
 def _means_table(result: Replication) -> str:
     rows: list[tuple[str, ...]] = [("measure", "paper M (SD)", "ours M [95 %] (SD)", "within SD")]
     for item in result.means:
+        mean, low, high, sd = (_number(value, item.measure) for value in (item.mean, *item.interval, item.sd))
         rows.append(
             (
                 f"{_SHORT[item.measure]} {item.kind}, {_NAMES[item.condition]}",
-                f"{_number(item.paper_mean)} ({_number(item.paper_sd)})",
-                f"{_number(item.mean)} [{_number(item.interval[0])}, {_number(item.interval[1])}] ({_number(item.sd)})",
+                f"{_number(item.paper_mean, item.measure)} ({_number(item.paper_sd, item.measure)})",
+                f"{mean} [{low}, {high}] ({sd})",
                 "yes" if item.within_sd else "NO",
             )
         )
@@ -225,7 +232,7 @@ def _goals_table(result: Replication) -> str:
         ("condition", *(f"{count} goals" for count in counts), "rising", "rising p<.05", "falling p<.05")
     ]
     for item in result.goals:
-        gains = (_number(item.by_goals[count]) if count in item.by_goals else "" for count in counts)
+        gains = (_number(item.by_goals[count], "belief_gain") if count in item.by_goals else "" for count in counts)
         parts = (item.rising, item.rising_significant, item.falling_significant)
         rows.append((_NAMES[item.condition], *gains, *(_percent(part) for part in parts)))
     return _columns(rows)
@@ -256,8 +263,10 @@ def _fit_table() -> str:
     rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", *found["variants"])]
     first = next(iter(found["variants"].values()))
     for number, anchor in enumerate(first["anchors"]):
-        ours = (_number(item["anchors"][number]["ours"]) for item in found["variants"].values())
-        rows.append((f"{_SHORT[anchor['measure']]} {anchor['kind']}", _number(anchor["paper"]), *ours))
+        ours = (_number(item["anchors"][number]["ours"], anchor["measure"]) for item in found["variants"].values())
+        rows.append(
+            (f"{_SHORT[anchor['measure']]} {anchor['kind']}", _number(anchor["paper"], anchor["measure"]), *ours)
+        )
     rows.append(("misfit", "", *(f"{item['misfit']:.1f}" for item in found["variants"].values())))
     windows = (f"{item['windows_above_entropy']} of {item['windows']}" for item in found["variants"].values())
     rows.append(("windows above 0.7 (not fitted)", "", *windows))
@@ -297,8 +306,11 @@ def _write_csv(path: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]
         csv.writer(file, lineterminator="\n").writerows([columns, *rows])
 
 
-def _number(value: float) -> str:
-    return f"{value:.4f}" if abs(value) < 0.1 else f"{value:.1f}"
+_DECIMALS = {"belief_gain": 4, "convergence_user_actions": 1, "efficiency_ticks": 1, "window_rate": 4}
+
+
+def _number(value: float, measure: str) -> str:
+    return f"{value:.{_DECIMALS.get(measure, 2)}f}"
 
 
 def _percent(value: float) -> str:
