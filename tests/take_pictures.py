@@ -45,7 +45,9 @@ def keep(name: str, png: bytes) -> None:
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     method = Image.Quantize.MAXCOVERAGE  # keeps a small red button red
     for colours in (None, 256, 128, 64):
-        chosen = picture if colours is None else picture.quantize(colours, method, dither=Image.Dither.NONE)
+        chosen = picture if colours is None else picture.quantize(colours, method)
+        if colours is not None:  # the palette spread over the gradients, or they show as rings
+            chosen = picture.quantize(palette=chosen, dither=Image.Dither.FLOYDSTEINBERG)
         small = io.BytesIO()
         chosen.save(small, "PNG", optimize=True)
         if small.tell() <= MAX_BYTES:
