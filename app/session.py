@@ -256,18 +256,21 @@ class LiveSession:
         self._send_worker(Hands(message.seq, direction, pressed))
 
     def _is_away(self) -> bool:
-        """Whether the pad is ignored at the start of the tick that the hands of this moment are for.
+        """Whether the pad is ignored in the tick that the hands of this moment are for.
 
-        In real time that is the tick after the running one, so that not even the first tick of a reading is driven.
-        (A tick is reported when its last slice is done, a little before the next one starts.)
+        In lockstep that is the tick about to run. In real time it is the one after the running tick, and a busy
+        machine leaves open which of two that is: the pad counts only if both are free. So not even the first tick of
+        a reading is driven, and the hands are never free too early (half a second too late at most).
         """
         if self.session.place != "trial":
             return False
+        starts_s = [self._trial_s]
         is_paced = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.held
-        runs = is_paced and self._around.now_unix_s() >= self._next_tick_unix_s
-        start_s = self._trial_s + TICK_S if runs else self._trial_s
-        then, _ = self._distractor.advance(start_s, lambda number: "")
-        return then.locked(start_s)
+        # A tick is reported when its last slice is done, a little before the next one starts.
+        if is_paced and self._around.now_unix_s() >= self._next_tick_unix_s:
+            starts_s.append(self._trial_s + TICK_S)
+        ahead = [(start_s, self._distractor.advance(start_s, lambda number: "")[0]) for start_s in starts_s]
+        return any(distractor.locked(start_s) for start_s, distractor in ahead)
 
     # ---- messages -----------------------------------------------------------------------------------------------
 

@@ -455,7 +455,7 @@ async def test_against_the_clock_not_even_the_first_tick_of_a_reading_is_driven(
             await player.done("alert_answer", {"alert": 1, "value": reading.reading})
             closed = await player.until(AlertClosed)
             assert closed.status == "answered"
-            await player.until(Tick, lambda tick: tick.tick >= 7)
+            await player.until(Tick, lambda tick: tick.tick >= 8)
     rows = ticks(hasty_lab, made["participant"])
     (alert,) = alerts(hasty_lab, made["participant"])
     assert alert.due_trial_s == 1.5
@@ -464,4 +464,4 @@ async def test_against_the_clock_not_even_the_first_tick_of_a_reading_is_driven(
     release_s = max(alert.answered_trial_s, alert.due_trial_s + 1.0)
     away = [user(row) for row in rows if 1.5 <= row.trial_s < release_s]
     assert away and set(away) == {NONE}
-    assert user(next(row for row in rows if row.trial_s >= release_s + 0.5)) == (0, 0, 1)
+    assert user(next(row for row in rows if row.trial_s >= release_s + 1.0)) == (0, 0, 1)
