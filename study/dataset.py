@@ -7,9 +7,8 @@ so of those only the columns the measures need are read, a block at a time.
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,19 +18,18 @@ import pandas as pd
 
 from study.export import read_meta, read_table
 from study.measures import Measures, SurveyScore, conditions_of, measure, survey_scores
+from study.questionnaires import own_instruments
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
 from study.study_file import parse_toml
 
-_DEMO = re.compile(r"^D\d+$")
-"""Ids the store gives to demo participants, who are in an export only when it was asked for."""
 _TICK_TYPES: dict[str, Any] = {
-    "participant": "str",
+    "participant": "category",
     "trial": "int64",
     "task": "float64",
     "tick": "int64",
-    "source": "str",
+    "source": "category",
     "after_pause": "int64",
-    "belief": "str",
+    "belief": object,
     "entropy": "float64",
 }
 _BLOCK_ROWS = 200_000
@@ -83,7 +81,8 @@ class Quality:
     participants: int
     complete_participants: int
     """With a completed trial under every condition that occurs."""
-    demo_participants: int
+    left_out_participants: dict[str, int]
+    """Kind (demo, pilot) to participants that are not analysed."""
     trials: int
     trials_left_out: dict[str, int]
     """Outcome to number of trials that were not completed."""
@@ -129,12 +128,7 @@ def load(folder: Path | str) -> DataSet:
         raise AnalysisError(f"{folder}: no such folder; give the folder that `salab export` or `salab simulate` wrote")
     meta = read_meta(folder)
     everyone: list[ParticipantRow] = read_table(folder, "participants")
-    people = [row for row in everyone if not _DEMO.match(row.participant)]
-    if everyone and not people:
-        raise AnalysisError(
-            f"{folder}: all {len(everyone)} participants are demo participants, which are not analysed; "
-            "export data of real or simulated participants"
-        )
+    people = _analysed(folder, everyone)
     names = {row.participant for row in people}
     all_trials: list[TrialRow] = [row for row in read_table(folder, "trials") if row.participant in names]
     trials = [row for row in all_trials if row.outcome == "completed"]
@@ -152,17 +146,18 @@ def load(folder: Path | str) -> DataSet:
     kept = {(row.participant, row.trial) for row in trials}
     tasks = [row for row in read_table(folder, "tasks") if (row.participant, row.trial) in kept]
     _check_tasks(folder, trials, tasks)
-    counting = _TickCounter()
-    with closing(_ticks(folder)) as ticks:
-        measures = measure(tasks, counting.through(ticks, kept))
+    counting = _Ticks(folder, kept)
+    with closing(counting.read()) as ticks:
+        measures = measure(tasks, ticks)
     answers = [
         row
         for row in read_table(folder, "survey_answers")
         if row.trial is not None and (row.participant, row.trial) in kept
     ]
-    scores = survey_scores(answers)
-    alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
     studies, notes = _studies(folder, meta)
+    own = {name: form for study in studies.values() for name, form in own_instruments(study).items()}
+    scores = survey_scores(answers, own)
+    alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
     parameters, changed = _parameters(trials)
     data = DataSet(
         name=folder.name,
@@ -174,52 +169,65 @@ def load(folder: Path | str) -> DataSet:
         scores=scores,
         parameters=parameters,
         studies=studies,
-        quality=_quality(everyone, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed]),
+        quality=_quality(everyone, people, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed]),
     )
     return data
 
 
-class _TickCounter:
-    """Counts ticks and pauses of completed trials while they stream by."""
+def _analysed(folder: Path, everyone: list[ParticipantRow]) -> list[ParticipantRow]:
+    """Study participants, without pilots and demos; pilots if there is nobody else."""
+    people = [row for row in everyone if row.kind == "study"] or [row for row in everyone if row.kind == "pilot"]
+    if everyone and not people:
+        raise AnalysisError(
+            f"{folder}: all {len(everyone)} participants are demo participants, which are not analysed; "
+            "export data of real or simulated participants"
+        )
+    return people
 
-    def __init__(self) -> None:
+
+class _Ticks:
+    """The ticks of the trials kept, as a stream; counts them and their pauses while they pass."""
+
+    def __init__(self, folder: Path, kept: set[tuple[str, int]]) -> None:
+        self._folder, self._kept = folder, kept
         self.ticks = 0
         self.pauses = 0
 
-    def through(self, ticks: Iterable[LightTick], kept: set[tuple[str, int]]) -> Iterator[LightTick]:
-        for tick in ticks:
-            if (tick.participant, tick.trial) in kept:
-                self.ticks += 1
-                self.pauses += tick.after_pause
-                yield tick
+    def read(self) -> Generator[LightTick, None, None]:
+        path = self._folder / "ticks.csv"
+        try:
+            header = pd.read_csv(path, nrows=0).columns
+            missing = [name for name in _TICK_TYPES if name not in header]
+            if missing:
+                raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
+            with pd.read_csv(
+                path,
+                usecols=list(_TICK_TYPES),
+                dtype=_TICK_TYPES,
+                keep_default_na=False,
+                na_values={"task": [""]},
+                chunksize=_BLOCK_ROWS,
+            ) as blocks:
+                for block in blocks:
+                    yield from self._of(block)
+        except AnalysisError:
+            raise
+        except FileNotFoundError:
+            raise AnalysisError(f"{path}: missing; export the data again") from None
+        except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
+            read_table(self._folder, "ticks")  # reads slowly, and names the line and the cell
+            raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
 
-
-def _ticks(folder: Path) -> Generator[LightTick, None, None]:
-    path = folder / "ticks.csv"
-    try:
-        header = pd.read_csv(path, nrows=0).columns
-        missing = [name for name in _TICK_TYPES if name not in header]
-        if missing:
-            raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-        with pd.read_csv(
-            path,
-            usecols=list(_TICK_TYPES),
-            dtype=_TICK_TYPES,
-            keep_default_na=False,
-            na_values={"task": [""]},
-            chunksize=_BLOCK_ROWS,
-        ) as blocks:
-            for block in blocks:
-                # Resets have no task and are not measured.
-                rows = block[block["task"].notna()]
-                yield from map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
-    except AnalysisError:
-        raise
-    except FileNotFoundError:
-        raise AnalysisError(f"{path}: missing; export the data again") from None
-    except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
-        read_table(folder, "ticks")  # reads slowly, and names the line and the cell
-        raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
+    def _of(self, block: pd.DataFrame) -> Iterator[LightTick]:
+        rows = block[block["task"].notna()]  # resets have no task and are not measured
+        trials = rows[["participant", "trial"]].drop_duplicates()
+        found = set(zip(trials["participant"].tolist(), trials["trial"].tolist(), strict=True))
+        if not found <= self._kept:
+            places = zip(rows["participant"].tolist(), rows["trial"].tolist(), strict=True)
+            rows = rows[[place in self._kept for place in places]]
+        self.ticks += len(rows)
+        self.pauses += int(rows["after_pause"].sum())
+        return map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
 
 
 def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:
@@ -281,15 +289,19 @@ def _parameters(trials: list[TrialRow]) -> tuple[dict[str, tuple[dict[str, Any],
 
 def _quality(
     everyone: list[ParticipantRow],
+    people: list[ParticipantRow],
     all_trials: list[TrialRow],
     trials: list[TrialRow],
     measures: Measures,
     scores: tuple[SurveyScore, ...],
     alerts: list[AlertRow],
-    counting: _TickCounter,
+    counting: _Ticks,
     notes: list[str],
 ) -> Quality:
     conditions = conditions_of(measures)
+    kinds = {row.kind for row in people}
+    if "pilot" in kinds:
+        notes = ["All participants are pilots.", *notes]
     kept = {(row.participant, row.trial) for row in trials}
     run: dict[str, set[str]] = {}
     for row in trials:
@@ -310,7 +322,7 @@ def _quality(
     return Quality(
         participants=len(run),
         complete_participants=sum(of == set(conditions) for of in run.values()),
-        demo_participants=sum(bool(_DEMO.match(row.participant)) for row in everyone),
+        left_out_participants=dict(Counter(row.kind for row in everyone if row.kind not in kinds)),
         trials=len(trials),
         trials_left_out=dict(Counter(row.outcome for row in all_trials if row.outcome != "completed")),
         ticks=counting.ticks,

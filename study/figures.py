@@ -245,7 +245,8 @@ def heatmap_figure(heatmap: Heatmap) -> Picture:
             ("B", "Goal-oriented reward", heatmap.reward, "expected approach, m"),
         )
         for ax, (letter, title, values, unit) in zip(axes, panels, strict=True):
-            mesh = ax.pcolormesh(heatmap.y_m, heatmap.x_m, values, cmap="cividis", shading="nearest", rasterized=True)
+            edges = (heatmap.y_m[0], heatmap.y_m[-1], heatmap.x_m[0], heatmap.x_m[-1])
+            mesh = ax.imshow(values, cmap="cividis", extent=edges, origin="lower", interpolation="bilinear")
             lines = ax.contour(heatmap.y_m, heatmap.x_m, values, levels=6, colors="white", linewidths=0.4)
             lines.set_alpha(0.7)
             for goal in heatmap.goals:
@@ -437,6 +438,8 @@ def _figure(width_mm: float, height_mm: float) -> Iterator[Figure]:
 
 
 def _rendered(figure: Figure) -> tuple[str, bytes]:
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once, not once for each file
     svg, png = io.StringIO(), io.BytesIO()
     figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
     figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})

@@ -19,12 +19,12 @@ from __future__ import annotations
 
 import json
 import math
-import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any, Literal, Protocol
 
+from study.instruments import Instrument
 from study.records import CONDITIONS, StudyError, SurveyAnswerRow, TaskRow
 from study.surveys import score
 
@@ -175,7 +175,7 @@ def convergence(goal: str, ticks: Sequence[TickLike]) -> int | None:
     user actions nor speak for or against convergence. A belief that starts afresh (after a wrong object was put down)
     is uniform, hence not converged. A tie is not "most likely".
     """
-    return _convergence(goal, [_leads(goal, belief) for belief in _beliefs(ticks)], ticks)
+    return _convergence(_leads(goal, _beliefs(ticks)), ticks)
 
 
 def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
@@ -236,7 +236,7 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
         analysed=analysed,
         efficiency_ticks=sum(tick.source in CONTROL_SOURCES for tick in ticks),
         user_actions=sum(tick.source == "user" for tick in ticks),
-        convergence_user_actions=_convergence(row.goal, [_leads(row.goal, belief) for belief in beliefs], ticks),
+        convergence_user_actions=_convergence(_leads(row.goal, beliefs), ticks),
         missing_ticks=max(expected - len(ticks), 0),
     )
     windows = tuple(
@@ -245,7 +245,7 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
     return task, windows
 
 
-def _convergence(goal: str, leads: Sequence[bool | None], ticks: Sequence[TickLike]) -> int | None:
+def _convergence(leads: Sequence[bool | None], ticks: Sequence[TickLike]) -> int | None:
     observed = 0
     converged_at: int | None = None
     for lead, tick in zip(leads, ticks, strict=True):
@@ -260,12 +260,18 @@ def _convergence(goal: str, leads: Sequence[bool | None], ticks: Sequence[TickLi
     return converged_at
 
 
-def _leads(goal: str, belief: Mapping[str, float]) -> bool | None:
-    """Whether the goal is the most likely one; None = it is not a candidate."""
-    own = belief.get(goal)
-    if own is None:
-        return None
-    return all(other == goal or own - value > TIE for other, value in belief.items())
+def _leads(goal: str, beliefs: Sequence[Mapping[str, float]]) -> list[bool | None]:
+    """Whether the goal is the most likely one after each tick; None = it is not a candidate."""
+    leads: list[bool | None] = []
+    before, lead = None, None
+    for belief in beliefs:
+        if belief is not before:  # ticks without evidence share theirs
+            before, own = belief, belief.get(goal)
+            lead = None
+            if own is not None:
+                lead = all(own - value > TIE for other, value in belief.items() if other != goal)
+        leads.append(lead)
+    return leads
 
 
 def _beliefs(ticks: Sequence[TickLike]) -> list[Mapping[str, float]]:
@@ -357,8 +363,11 @@ def window_rates(measures: Measures, kind: Kind = "all") -> tuple[WindowRate, ..
     return tuple(WindowRate(*key, kind, counts[key], total) for key, total in ticks.items() if total)
 
 
-def survey_scores(answers: Iterable[SurveyAnswerRow]) -> tuple[SurveyScore, ...]:
-    """Usability and workload after every trial; answers about the whole session (demographics) are passed over.
+def survey_scores(
+    answers: Iterable[SurveyAnswerRow], own: Mapping[str, Instrument] | None = None
+) -> tuple[SurveyScore, ...]:
+    """Usability and workload after every trial, and the score of every one of the study's `own` questionnaires by id;
+    answers about the whole session (demographics) are passed over.
 
     Raises `StudyError` when an item is missing, unknown, answered twice or out of range, naming the questionnaire.
     """
@@ -376,7 +385,7 @@ def survey_scores(answers: Iterable[SurveyAnswerRow]) -> tuple[SurveyScore, ...]
     scores = []
     for (participant, condition, trial, instrument), items in given.items():
         try:
-            value = score(instrument, items)
+            value = score((own or {}).get(instrument, instrument), items)
         except StudyError as error:
             raise StudyError(f"participant {participant}, trial {trial}: {error}") from None
         scores.append(SurveyScore(participant, condition, trial, instrument, value))
@@ -407,11 +416,12 @@ class Summary:
 
 def summary(values: Sequence[float]) -> Summary:
     """n, mean, sd (n - 1 in the denominator)."""
-    return Summary(
-        n=len(values),
-        mean=statistics.fmean(values) if values else None,
-        sd=statistics.stdev(values) if len(values) > 1 else None,
-    )
+    if not values:
+        return Summary(0, None, None)
+    count = len(values)
+    mean = math.fsum(values) / count
+    squares = math.fsum((value - mean) ** 2 for value in values)
+    return Summary(count, mean, math.sqrt(squares / (count - 1)) if count > 1 else None)
 
 
 def conditions_of(measures: Measures) -> tuple[str, ...]:

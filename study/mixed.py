@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, stats
-from statsmodels.regression.mixed_linear_model import MixedLM
+from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
 
 from study.effects import LEVEL, NO_VARIANCE, Interval, NotFitted
 from study.factors import FloatArray, design_matrix, independent_columns, levels_of, problem
@@ -59,7 +59,7 @@ def mixed_model(
     groups = _Groups(y, design, participant)
     if groups.rss(0.0) <= NO_VARIANCE * float(y @ y):
         return NotFitted("the values do not vary within the conditions, so that there is nothing to test against")
-    within = groups.fit(0.0) if groups.falls_from_zero() else _library_fit(y, design, participant) or groups.best_fit()
+    within = groups.fit(0.0) if groups.falls_from_zero() else _fit(y, design, participant, groups.best_fit())
     effects, block = within.effects[own], within.covariance[np.ix_(own, own)]
     chi_squared = float(effects @ np.linalg.solve(block, effects))
     estimates = []
@@ -90,19 +90,23 @@ class _RandomIntercept:
     note: str | None = None
 
 
-def _library_fit(y: FloatArray, design: FloatArray, participant: Sequence[str]) -> _RandomIntercept | None:
-    """statsmodels' fit; None when its optimiser stops at a singular covariance, as it does near a variance of 0."""
+def _fit(y: FloatArray, design: FloatArray, participant: Sequence[str], start: _RandomIntercept) -> _RandomIntercept:
+    """statsmodels' fit, begun where the likelihood is greatest; `start` itself where its optimiser stops at a singular
+    covariance, as it does near a variance of 0."""
     scale = float(y.std())  # belief gains are thousandths, ticks hundreds: the optimiser sees ones
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            fit = MixedLM(y / scale, design, groups=np.asarray(participant)).fit(reml=True, method="lbfgs", maxiter=200)
+            ratio = (start.participant_sd / start.residual_sd) ** 2
+            begin = MixedLMParams.from_components(start.effects / scale, cov_re=np.array([[ratio]]))
+            model = MixedLM(y / scale, design, groups=np.asarray(participant))
+            fit = model.fit(start_params=begin, reml=True, method="lbfgs", maxiter=200)
             covariance = np.asarray(fit.cov_params())[: design.shape[1], : design.shape[1]] * scale**2
     except (np.linalg.LinAlgError, ValueError):
-        return None
+        return start
     variance = float(np.asarray(fit.cov_re).ravel()[0])
     if not fit.converged or not np.isfinite(covariance).all() or not variance > 0.0:
-        return None
+        return start
     effects = np.asarray(fit.fe_params) * scale
     return _RandomIntercept(effects, covariance, math.sqrt(variance) * scale, math.sqrt(float(fit.scale)) * scale)
 

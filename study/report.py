@@ -174,8 +174,8 @@ def _warnings(analysis: Analysis) -> list[str]:
     quality, found = analysis.data.quality, []
     if analysis.data.meta.get("simulated"):
         found.append("Simulated participants: these data were made by a model, not by people (see Methods).")
-    if quality.demo_participants:
-        found.append(f"{quality.demo_participants} demo participants were left out.")
+    for kind, count in quality.left_out_participants.items():
+        found.append(f"{kind.capitalize()} participants left out: {count}.")
     if quality.complete_participants < quality.participants:
         some = quality.participants - quality.complete_participants
         found.append(f"{some} of {quality.participants} participants did not complete every condition.")
@@ -379,12 +379,11 @@ def _counts_table(analysis: Analysis) -> str:
 
 def _quality(analysis: Analysis) -> list[str]:
     quality = analysis.data.quality
-    left_out = ", ".join(f"{count} {outcome}" for outcome, count in quality.trials_left_out.items()) or "none"
     facts = [
         ("Participants", f"{quality.participants}, of whom {quality.complete_participants} completed every condition"),
-        ("Demo participants left out", str(quality.demo_participants)),
+        ("Participants left out", _counts(quality.left_out_participants)),
         ("Completed trials", str(quality.trials)),
-        ("Trials left out", left_out),
+        ("Trials left out", _counts(quality.trials_left_out)),
         ("Ticks of tasks", f"{quality.ticks:,}; {quality.missing_ticks} missing"),
         ("Pauses and lost connections", str(quality.pauses)),
         ("Ticks that started more than 50 ms late", str(quality.overruns)),
@@ -418,6 +417,10 @@ def _quality(analysis: Analysis) -> list[str]:
         "<h3>Equal variances between conditions (Brown–Forsythe)</h3>",
         _table(("Measure", "p"), variances, numbers=1) if variances else "<p>Could not be tested.</p>",
     ]
+
+
+def _counts(found: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in found.items()) or "none"
 
 
 def _parameters(analysis: Analysis) -> list[str]:

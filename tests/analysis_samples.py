@@ -116,16 +116,18 @@ def data_set(
     wanted: Script = plausible,
     conditions: Sequence[str] = CONDITIONS,
     surveys: bool = True,
-    prefix: str = "P",
+    kind: str = "study",
 ) -> DataSet:
     """A complete study. Every trial has three pickups and dropoffs; the orders go round all permutations."""
     rng = np.random.default_rng(seed)
     data = DataSet({name: [] for name in ("participants", "trials", "tasks", "ticks", "survey_answers")})
     orders = list(itertools.permutations(conditions))
     for number in range(participants):
-        name, order = f"{prefix}{number + 1:03d}", orders[number % len(orders)]
+        name, order = f"{kind[0].upper()}{number + 1:03d}", orders[number % len(orders)]
         data.tables["participants"].append(
-            ParticipantRow(name, number, ">".join(order), "done", shipped_study().hash, UTC, UTC, "c" * 64, UTC, 1)
+            ParticipantRow(
+                name, number, ">".join(order), "done", shipped_study().hash, UTC, UTC, "c" * 64, UTC, 1, kind
+            )
         )
         for trial, condition in enumerate(order, 1):
             _add_trial(data, name, trial, condition, wanted, rng)

@@ -105,15 +105,15 @@ def test_a_quick_comparison_has_the_same_p(analysis: Analysis) -> None:
 
 
 def test_demo_participants_and_unfinished_trials_stay_out_and_are_told(tmp_path: Path) -> None:
-    data, demo = data_set(3), data_set(1, prefix="D")
+    data, demo = data_set(3), data_set(1, kind="demo")
     for name, rows in demo.tables.items():
         data.tables[name] += rows
-    data.tables["trials"][-4] = replace(data.tables["trials"][-4], outcome="aborted")  # P003's last trial
+    data.tables["trials"][-4] = replace(data.tables["trials"][-4], outcome="aborted")  # S003's last trial
     found = load(data.write(tmp_path / "export"))
-    assert found.quality.demo_participants == 1
+    assert found.quality.left_out_participants == {"demo": 1}
     assert (found.quality.participants, found.quality.complete_participants) == (3, 2)
     assert (found.quality.trials, found.quality.trials_left_out) == (8, {"aborted": 1})
-    assert {task.participant for task in found.measures.tasks} == {"P001", "P002", "P003"}
+    assert {task.participant for task in found.measures.tasks} == {"S001", "S002", "S003"}
     assert len(found.measures.tasks) == 48
     usability = analyse(found).comparison("sus_modified")
     assert usability is not None and usability.left_out is not None and usability.left_out.startswith("1 of 3")
@@ -191,7 +191,17 @@ def test_a_bad_cell_is_named(tmp_path: Path, change: dict[str, str], text: str) 
 
 
 def test_demo_data_alone(tmp_path: Path) -> None:
-    assert "all 2 participants are demo participants" in complaint(data_set(2, prefix="D").write(tmp_path / "export"))
+    assert "all 2 participants are demo participants" in complaint(data_set(2, kind="demo").write(tmp_path / "export"))
+
+
+def test_pilots_are_analysed_when_there_is_nobody_else(tmp_path: Path) -> None:
+    pilots = data_set(2, kind="pilot")
+    assert load(pilots.write(tmp_path / "pilots")).quality.notes[0] == "All participants are pilots."
+    both = data_set(2)
+    for name, rows in pilots.tables.items():
+        both.tables[name] += rows
+    quality = load(both.write(tmp_path / "both")).quality
+    assert (quality.participants, quality.left_out_participants) == (2, {"pilot": 2})
 
 
 def test_no_completed_trial(tmp_path: Path) -> None:
@@ -211,7 +221,7 @@ def test_one_condition_only(tmp_path: Path) -> None:
 def test_tasks_missing_from_a_completed_trial(tmp_path: Path) -> None:
     data = data_set(1)
     data.tables["tasks"] = [row for row in data.tables["tasks"] if row.trial != 2]
-    assert "no tasks of participant P001, trial 2" in complaint(data.write(tmp_path / "export"))
+    assert "no tasks of participant S001, trial 2" in complaint(data.write(tmp_path / "export"))
 
 
 def test_all_ties_are_reported_model_by_model(tmp_path: Path) -> None:
