@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from app.config import LabConfig, LabError
+from app.study_commands import add_study_commands
 from study.records import StudyError
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -47,9 +48,12 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--no-scene", action="store_true", help="no 3-D scene (for scripted clients)")
     serve.set_defaults(run=_serve)
 
-    export = commands.add_parser("export", help="write the data as CSV files")
+    add_study_commands(commands)
+
+    export = commands.add_parser("export", help="write the data as a data package (CSV, Parquet, descriptions)")
     export.add_argument("--data", type=Path, default=defaults.data_dir, help="folder of the database")
-    export.add_argument("--out", type=Path, required=True, help="folder to write into")
+    export.add_argument("--out", type=Path, required=True, help="folder to write into, or the archive with --zip")
+    export.add_argument("--zip", action="store_true", help="write one archive instead: OUT, with .zip at its end")
     export.set_defaults(run=_export)
 
     _add_simulate(commands)
@@ -229,12 +233,15 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from study.export import export
+    from study.export import export, export_zip
     from study.store import open_store
 
+    out = options.out
+    if options.zip and out.suffix != ".zip":
+        out = out.with_name(out.name + ".zip")
     with open_store(options.data, must_exist=True) as store:
-        export(store, options.out)
-    print(f"exported to {options.out}")
+        (export_zip if options.zip else export)(store, out)
+    print(f"exported to {out}")
 
 
 def _simulate(options: argparse.Namespace) -> None:

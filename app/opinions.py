@@ -26,7 +26,6 @@ import numpy as np
 
 from app.participants import Traits
 from study.design import Study
-from study.surveys import instrument
 
 USABILITY, WORKLOAD = 5.4, 3.1
 LENIENCY, STRAIN = 0.8, 1.1
@@ -57,8 +56,8 @@ def survey_answers(
     workload = WORKLOAD + STRAIN * traits.strain + 0.10 * extra + 0.20 * felt.missed + 2.0 * felt.contrary
     levels = {"sus_modified": usability, "tlx_raw": workload}
     answers: dict[str, dict[str, int]] = {}
-    for name in study.surveys:
-        form = instrument(name)
+    for form in study.instruments:
+        name = form.id
         level = levels.get(name, (form.points + 1) / 2.0) + SCORE_NOISE * float(rng.standard_normal())
         answers[name] = {}
         for item in form.items:

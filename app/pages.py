@@ -13,8 +13,8 @@ from app.messages import Instruction, Page, Tick
 from app.outcomes import Verdict
 from app.trial_values import TickResult, TrialView
 from study.design import Study
-from study.instruments import INSTRUMENTS
 from study.protocol import Session
+from study.surveys import describe
 
 VIEWS: tuple[tuple[str, str], ...] = (
     ("overview", "From behind"),
@@ -171,22 +171,7 @@ def _driving(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _survey(session: Session, context: PageContext) -> dict[str, Any]:
-    instruments = [INSTRUMENTS[name] for name in context.study.surveys]
-    return {
-        "instruments": [
-            {
-                "id": instrument.id,
-                "title": instrument.title,
-                "intro": instrument.intro,
-                "source": instrument.source,
-                "points": instrument.points,
-                "items": [
-                    {"id": item.id, "text": item.text, "low": item.low, "high": item.high} for item in instrument.items
-                ],
-            }
-            for instrument in instruments
-        ]
-    }
+    return {"instruments": [describe(instrument) for instrument in context.study.instruments]}
 
 
 def _break(session: Session, context: PageContext) -> dict[str, Any]:

@@ -11,16 +11,29 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Union
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from study.design_checks import cross_problems
+from study.fields import Flag, Identifier, Part, Text, number
+from study.instruments import INSTRUMENTS, Instrument
+from study.parts import (
+    ArbiterSettings,
+    Condition,
+    Consent,
+    DemographicItem,
+    DistractorSettings,
+    Instructions,
+    RobotSettings,
+    Texts,
+)
+from study.questionnaires import Questionnaire, as_tables, file_problems, own_ids
 from study.records import StudyError
 from study.study_file import Problem, StudyFileError, model_problems, parse_toml, report
 
@@ -39,148 +52,14 @@ __all__ = [
 ]
 
 DEFAULT_STUDY = Path(__file__).with_name("default.toml")
-MAX_CONDITIONS = 5
-"""120 orders; with six conditions nobody would ever fill the 720."""
+MOST_PERMUTED = 5
+"""Up to so many conditions are run in every order there is (120); nobody would ever fill the 720 of six."""
 
 _PLACEMENT, _OBJECTS, _BINS, _READINGS = range(4)
 """Purposes of the random streams of a trial. Appending is safe, reordering changes every plan."""
 
 
-def _calibrated_or_number(value: object) -> object:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if value == "calibrated" or (is_number and 0 <= float(value) < float("inf")):  # type: ignore[arg-type]
-        return value
-    raise PydanticCustomError("alpha", 'must be a number at least 0, or "calibrated"')
-
-
-Text = Annotated[str, Field(min_length=1, strict=True)]
-Identifier = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z0-9][a-z0-9_]*$", strict=True)]
-Paragraphs = Annotated[tuple[Text, ...], Field(min_length=1)]
-Flag = Annotated[bool, Field(strict=True)]
-Alpha = Annotated[Union[float, Literal["calibrated"]], BeforeValidator(_calibrated_or_number)]  # noqa: UP007
-
-
-def _number(**bounds: Any) -> Any:
-    return Field(strict=True, allow_inf_nan=False, **bounds)
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Option(_Part):
-    """One answer to choose."""
-
-    id: Identifier
-    label: Text
-
-
-class DemographicItem(_Part):
-    """One question about the participant. Only a `choice` has options."""
-
-    id: Identifier
-    prompt: Text
-    kind: Literal["choice", "text", "number"] = "choice"
-    options: tuple[Option, ...] = ()
-    required: Flag = True
-
-
-class ComprehensionQuestion(_Part):
-    """One question about the instructions; `correct` is the id of the right option."""
-
-    id: Identifier
-    prompt: Text
-    options: Annotated[tuple[Option, ...], Field(min_length=2)]
-    correct: Identifier
-
-
-class OpenQuestion(_Part):
-    """A question of the debrief, answered in the participant's own words or not at all."""
-
-    id: Identifier
-    prompt: Text
-
-
-class Consent(_Part):
-    """What a participant agrees to, and whom to ask."""
-
-    text: Paragraphs
-    contact: Text
-
-    @property
-    def hash(self) -> str:
-        """SHA-256 of the consent text and contact, stored with the agreement."""
-        return hashlib.sha256("\n\n".join([*self.text, self.contact]).encode()).hexdigest()
-
-
-class Instructions(_Part):
-    """The text before practice and the questions that check it was understood."""
-
-    text: Paragraphs
-    questions: tuple[ComprehensionQuestion, ...] = ()
-
-
-class Texts(_Part):
-    """The lab's words between and after the trials. `completion_link` is opened from the last page, if given."""
-
-    between_trials: Paragraphs
-    debrief: Paragraphs
-    debrief_questions: tuple[OpenQuestion, ...] = ()
-    thanks: Paragraphs
-    withdrawn: Paragraphs
-    aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
-    completion_link: Annotated[str, Field(strict=True)] = ""
-
-
-class Condition(_Part):
-    """One way the robot assists. `alpha` weighs information, `beta` goals, `gamma` the person (paper III-F)."""
-
-    id: Identifier
-    arbiter: Literal["teleoperation", "goal_oriented", "balanced"]
-    alpha: Alpha = 0.0
-    beta: float = _number(default=1.0, ge=0.0)
-    gamma: float = _number(default=1e6, ge=0.0)
-
-
-class ArbiterSettings(_Part):
-    """The model of the person and of the robot's motion that the arbiter reasons with."""
-
-    rationality_per_m: float = _number(default=5.0, gt=0.0, le=1000.0)
-    step_m: float = _number(default=0.05, gt=0.0, le=0.2)
-    planning_delay: float = _number(default=0.2, ge=0.0, le=1.0)
-    """Share of a tick in which the arm still follows the previous direction."""
-    transition: Literal["mix", "replan"] = "mix"
-    entropy_floor: float = _number(default=0.1, gt=0.0, le=1.0)
-    stickiness: float = _number(default=0.003, ge=0.0, le=1.0)
-
-
-class RobotSettings(_Part):
-    """How fast the robot is and how long its own actions take, in ticks of 0.5 s."""
-
-    speed_m_s: float = _number(default=0.04, gt=0.0, le=0.1)
-    """0.1 m/s is 5 cm a tick, the paper's largest Cartesian step."""
-    gripper_ticks: int = _number(default=2, ge=1, le=20)
-    settle_timeout_ticks: int = _number(default=12, ge=1, le=120)
-    """How long a released object may take to come to rest before the dropoff is judged as it lies."""
-    reset_ticks: int = _number(default=4, ge=1, le=120)
-
-
-class DistractorSettings(_Part):
-    """The second task: readings to be logged (paper IV-B). Times are trial time, which stops during a pause."""
-
-    enabled: Flag = True
-    first_s: float = _number(default=10.0, ge=0.0, le=3600.0)
-    every_s: float = _number(default=20.0, gt=0.0, le=3600.0)
-    answer_within_s: float = _number(default=20.0, gt=0.0, le=3600.0)
-    placement: Literal["second_device", "same_page_away"] = "same_page_away"
-    away_min_s: float = _number(default=5.0, ge=0.0, le=3600.0)
-    """`same_page_away` only: the shortest time the pad stays ignored after a reading appeared."""
-    digits: int = _number(default=4, ge=1, le=9)
-    decimals: int = _number(default=1, ge=0, le=4)
-    """How many of the digits stand after the point."""
-
-
-class Study(_Part):
+class Study(Part):
     """A checked study file. Equal hashes mean equal files, byte for byte."""
 
     NOT_IN_FILE: ClassVar[tuple[str, ...]] = ("hash", "source_text")
@@ -189,31 +68,40 @@ class Study(_Part):
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
-    heartbeat_timeout_s: float = _number(default=0.5, ge=0.3, le=30.0)
+    heartbeat_timeout_s: float = number(default=0.5, ge=0.3, le=30.0)
     """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
     taken for hands off."""
     layout: Identifier
     objects: Annotated[tuple[Identifier, ...], Field(min_length=1)]
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]
-    pickups_per_trial: int = _number(default=3, ge=1)
+    pickups_per_trial: int = number(default=3, ge=1)
     surveys: tuple[Identifier, ...] = ()
+    """Questionnaires after every trial: built in, or the study's own."""
+    questionnaires: tuple[Questionnaire, ...] = ()
     consent: Consent
     demographics: tuple[DemographicItem, ...] = ()
     instructions: Instructions
     texts: Texts
-    conditions: Annotated[tuple[Condition, ...], Field(min_length=1, max_length=MAX_CONDITIONS)]
+    conditions: Annotated[tuple[Condition, ...], Field(min_length=1)]
     arbiter: ArbiterSettings = ArbiterSettings()
     robot: RobotSettings = RobotSettings()
     distractor: DistractorSettings = DistractorSettings()
 
     hash: str = Field(default="", exclude=True)
-    """SHA-256 of the file's bytes."""
+    """SHA-256 of `source_text`: the file's bytes, when it has no questionnaires in files beside it."""
     source_text: str = Field(default="", exclude=True, repr=False)
+    """The file's text, with the questionnaires that stand beside it: all that is needed to run the study again."""
 
     @property
     def condition_ids(self) -> tuple[str, ...]:
         """Condition ids in the order of the file."""
         return tuple(condition.id for condition in self.conditions)
+
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The questionnaires after every trial, in the order asked."""
+        own = {form.id: form.instrument for form in self.questionnaires}
+        return tuple(own.get(name) or INSTRUMENTS[name] for name in self.surveys)
 
     @property
     def tasks_per_trial(self) -> int:
@@ -247,15 +135,54 @@ def load_study(
 ) -> Study:
     """Read a study file; None means the paper's study.
 
-    `layouts`, `objects` and `bins` are the ids the simulated world knows. When `layouts` is a mapping, its values
-    are the numbers of slots for objects. Raises `StudyFileError` with one line for every problem.
+    Questionnaires in files beside it become a part of its text. `layouts`, `objects` and `bins` are the ids the
+    simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
+    `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
+    source = _read(file)
+    data, _ = parse_toml(source, str(file))
+    named = data.get("surveys")
+    names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
+    added: list[str] = []
+    problems: list[str] = []
+    for name in dict.fromkeys(names):
+        if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
+            continue
+        beside = file.with_name(f"{name}.toml")
+        if not beside.is_file():
+            continue
+        found = file_problems(text := _read(beside), str(beside))
+        problems += found
+        added.append(as_tables(name, text) if not found else _PLACEHOLDER.format(name=name))
+    if added:
+        source = b"".join([source.rstrip(b"\n"), b"\n", *(text.encode() for text in added)])
     try:
-        source = file.read_bytes()
+        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins)
+    except StudyFileError as error:
+        raise StudyFileError([*error.problems, *problems]) from None
+    if problems:
+        raise StudyFileError(problems)
+    return study
+
+
+_IDENTIFIER = re.compile(r"[a-z0-9][a-z0-9_]*\Z")
+_PLACEHOLDER = """
+[[questionnaires]]
+id = "{name}"
+title = "-"
+intro = "-"
+score_means = "-"
+items = [{{ id = "item", text = "-", low = "-", high = "-" }}]
+"""
+"""Stands in for a questionnaire that cannot be used, so that the study file's own problems are told beside it."""
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
     except OSError as error:
         raise StudyFileError([f"{file}: cannot be read: {error.strerror or error}"]) from None
-    return parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins)
 
 
 def parse_study(
@@ -320,8 +247,19 @@ class SessionPlan:
 
 
 def orders(study: Study) -> tuple[tuple[str, ...], ...]:
-    """Every order of the conditions, always in the same sequence; 6 with the paper's three."""
-    return tuple(itertools.permutations(study.condition_ids))
+    """The orders of the conditions, always in the same sequence; 6 with the paper's three.
+
+    Up to five conditions: every order. More: a Williams design, in which every condition stands in every place, and
+    after every other one, equally often (E. J. Williams, 1949).
+    """
+    ids = study.condition_ids
+    if len(ids) <= MOST_PERMUTED:
+        return tuple(itertools.permutations(ids))
+    count = len(ids)
+    first = [(place + 1) // 2 if place % 2 else -place // 2 for place in range(count)]  # 0, 1, -1, 2, -2, ...
+    rows = [tuple(ids[(step + shift) % count] for step in first) for shift in range(count)]
+    # With an odd number, only the rows and their mirror images together are balanced.
+    return tuple([*rows, *(row[::-1] for row in rows)] if count % 2 else rows)
 
 
 def next_order(study: Study, taken: Mapping[tuple[str, ...], int]) -> tuple[str, ...]:

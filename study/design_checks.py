@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from study.instruments import INSTRUMENTS
+from study.questionnaires import own_ids, questionnaire_problems
 from study.study_file import Problem, choices_sentence
 
 
@@ -22,12 +23,13 @@ def cross_problems(
     layout = data.get("layout")
     if isinstance(layout, str) and layout not in layouts:
         yield Problem(("layout",), choices_sentence(layout, layouts, "layouts"))
-    known = {"objects": objects, "bins": bins, "surveys": tuple(INSTRUMENTS)}
+    known = {"objects": objects, "bins": bins, "surveys": (*INSTRUMENTS, *own_ids(data))}
     for field, choices in known.items():
         names = _texts(data.get(field))
         for position, name in names:
             if choices is not None and name not in choices:
-                yield Problem((field, position), choices_sentence(name, choices, field))
+                hint = f", or your own in {name}.toml beside this file" if field == "surveys" else ""
+                yield Problem((field, position), choices_sentence(name, choices, field) + hint)
         yield from _repeated(field, [(position, name, (field, position)) for position, name in names])
     chosen = len(_texts(data.get("objects")))
     slots = layouts.get(layout) if isinstance(layouts, Mapping) and isinstance(layout, str) else None
@@ -49,6 +51,7 @@ def cross_problems(
     for place, entries in (
         (("conditions",), data.get("conditions")),
         (("demographics",), data.get("demographics")),
+        (("questionnaires",), data.get("questionnaires")),
         (("instructions", "questions"), questions),
         (("texts", "debrief_questions"), open_questions),
     ):
@@ -57,6 +60,7 @@ def cross_problems(
         for number, entry in _tables(entries):
             yield from _option_problems((*place, number), entry)
     yield from _distractor_problems(data.get("distractor"))
+    yield from questionnaire_problems(data)
 
 
 def _option_problems(place: tuple[Any, ...], entry: Mapping[str, Any]) -> Iterator[Problem]:

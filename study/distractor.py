@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from study.design import DistractorSettings
+from study.parts import DistractorSettings
 from study.records import AlertRow, StudyError
 
 AlertStatus = Literal["open", "answered", "expired", "trial_ended"]

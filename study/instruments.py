@@ -7,25 +7,26 @@ of the original 5 (SUS) or 21 (TLX), as in the paper (IV-C.2).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 POINTS = 7
 
 
 @dataclass(frozen=True)
 class Item:
-    """One statement or scale, answered from 1 (`low`) to `POINTS` (`high`)."""
+    """One statement or scale, answered from 1 (`low`) to the questionnaire's `points` (`high`)."""
 
     id: str
     text: str
     low: str
     high: str
     reversed: bool = False
-    """Whether a high answer speaks against what the score measures; scoring takes `POINTS + 1 - answer`."""
+    """Whether a high answer speaks against what the score measures; scoring takes `points + 1 - answer`."""
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """One questionnaire. The score is the mean of its items after reversing, from 1 to `POINTS`."""
+    """One questionnaire. The score is the mean (or the sum) of its items after reversing."""
 
     id: str
     title: str
@@ -38,6 +39,12 @@ class Instrument:
     """What a high score says."""
     items: tuple[Item, ...]
     points: int = POINTS
+    method: Literal["mean", "sum"] = "mean"
+
+    @property
+    def score_range(self) -> tuple[int, int]:
+        """The lowest and the highest score there can be."""
+        return (1, self.points) if self.method == "mean" else (len(self.items), len(self.items) * self.points)
 
 
 def _agreement(number: int, text: str, reversed_: bool) -> Item:
@@ -116,4 +123,4 @@ TLX_RAW = Instrument(
 )
 
 INSTRUMENTS: dict[str, Instrument] = {item.id: item for item in (SUS_MODIFIED, TLX_RAW)}
-"""Every questionnaire a study file may name."""
+"""The questionnaires that are built in; a study file may bring its own (`study.questionnaires`)."""

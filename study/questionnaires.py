@@ -1,12 +1,131 @@
-"""What the participants of a study were asked, as an export tells it: items, anchors, direction and scoring."""
+"""A study's own questionnaires, and what its participants were asked.
+
+A name in `surveys` that is not built in stands for a questionnaire of the study's own: a file `NAME.toml` beside the
+study file, or a table `[[questionnaires]]` in it. A file beside it is copied into the study's text when the study is
+loaded (`as_tables`), so that the text and its hash hold everything: stored, exported and run again, a study needs no
+other file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from study.instruments import INSTRUMENTS
+from pydantic import Field
+
+from study.fields import Flag, Identifier, Part, Text, number
+from study.instruments import INSTRUMENTS, Instrument, Item
+from study.study_file import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
+
+FORMS = ("demographics", "comprehension", "debrief")
+"""What else leaves answers, under these names; no questionnaire may have them."""
+
+
+class QuestionnaireItem(Part):
+    """One statement or scale. `low` and `high` are the words at its ends, the questionnaire's if left out."""
+
+    id: Identifier
+    text: Text
+    low: Annotated[str, Field(strict=True)] = ""
+    high: Annotated[str, Field(strict=True)] = ""
+    reversed: Flag = False
+    """Whether a high answer speaks against what the score measures."""
+
+
+class QuestionnaireFile(Part):
+    """A questionnaire as its own file holds it; its id is the file's name."""
+
+    title: Text
+    intro: Text
+    source: Annotated[str, Field(strict=True)] = ""
+    """Whose words these are and what was changed; shown with the questionnaire."""
+    points: int = number(default=7, ge=2, le=11)
+    low: Annotated[str, Field(strict=True)] = ""
+    high: Annotated[str, Field(strict=True)] = ""
+    scoring: Literal["mean", "sum"] = "mean"
+    """Of all items, after reversing."""
+    score_means: Text
+    """What a high score says, such as "more trust"."""
+    items: Annotated[tuple[QuestionnaireItem, ...], Field(min_length=1)]
+
+
+class Questionnaire(QuestionnaireFile):
+    """A questionnaire in the study file."""
+
+    id: Identifier
+
+    @property
+    def instrument(self) -> Instrument:
+        """The questionnaire as pages and scoring take it."""
+        turned = [item.id for item in self.items if item.reversed]
+        scoring = f"{self.scoring.capitalize()} of the {len(self.items)} items on 1-{self.points}"
+        return Instrument(
+            id=self.id,
+            title=self.title,
+            intro=self.intro,
+            source=self.source,
+            scoring=scoring + (f" after reversing {', '.join(turned)}." if turned else "."),
+            score_means=self.score_means,
+            items=tuple(
+                Item(item.id, item.text, item.low or self.low, item.high or self.high, item.reversed)
+                for item in self.items
+            ),
+            points=self.points,
+            method=self.scoring,
+        )
+
+
+def file_problems(source: bytes, name: str) -> tuple[str, ...]:
+    """Everything wrong with a questionnaire's own file, as `study_file.report` tells it."""
+    try:
+        data, text = parse_toml(source, name)
+    except StudyFileError as error:
+        return error.problems
+    found = [*model_problems(QuestionnaireFile, data), *_clashes(data, ())]
+    return report(name, text, data, found).problems if found else ()
+
+
+def as_tables(name: str, source: bytes) -> str:
+    """A checked questionnaire file as `[[questionnaires]]` of a study file."""
+    data, _ = parse_toml(source, name)
+    items = data.pop("items")
+    lines = ["", f"# {name}.toml, as it stood beside this file", "[[questionnaires]]"]
+    lines += [f"{key} = {_toml(value)}" for key, value in {"id": name, **data}.items()]
+    for item in items:
+        lines += ["", "[[questionnaires.items]]", *(f"{key} = {_toml(value)}" for key, value in item.items())]
+    return "\n".join(lines) + "\n"
+
+
+def questionnaire_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    """What is wrong with the `questionnaires` of a study file's unchecked data beyond single fields."""
+    chosen = data.get("surveys")
+    for number_, entry in _entries(data.get("questionnaires")):
+        place: FieldPath = ("questionnaires", number_)
+        name = entry.get("id")
+        if isinstance(name, str) and name in INSTRUMENTS:
+            yield Problem((*place, "id"), "is a questionnaire that is built in; choose another id")
+        elif isinstance(name, str) and name in FORMS:
+            yield Problem((*place, "id"), f"is taken; ids that are taken: {', '.join(FORMS)}")
+        elif isinstance(name, str) and isinstance(chosen, list) and name not in chosen:
+            yield Problem((*place, "id"), "is never asked; add it to surveys, or leave the questionnaire out")
+        yield from _clashes(entry, place)
+
+
+def own_ids(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Ids of the questionnaires that stand in a study file's unchecked data."""
+    return tuple(entry["id"] for _, entry in _entries(data.get("questionnaires")) if isinstance(entry.get("id"), str))
+
+
+def own_instruments(data: Mapping[str, Any]) -> dict[str, Instrument]:
+    """The study's own questionnaires by id, from a study file's data; what cannot be read is left out."""
+    found = {}
+    for _, entry in _entries(data.get("questionnaires")):
+        if not model_problems(Questionnaire, entry):
+            form = Questionnaire.model_validate(entry)
+            found[form.id] = form.instrument
+    return found
 
 
 def asked(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -15,19 +134,42 @@ def asked(data: Mapping[str, Any]) -> dict[str, Any]:
     Answers stand in `survey_answers` under the `id` of the questionnaire (or form) and of the item.
     """
     instructions, texts = _table(data, "instructions"), _table(data, "texts")
+    forms = {**INSTRUMENTS, **own_instruments(data)}
     return {
-        "surveys": [_survey(name) for name in data.get("surveys", ()) if name in INSTRUMENTS],
+        "surveys": [_told(forms[name]) for name in data.get("surveys", ()) if name in forms],
         "demographics": data.get("demographics", []),
         "comprehension": instructions.get("questions", []),
         "debrief": texts.get("debrief_questions", []),
     }
 
 
-def _survey(name: str) -> dict[str, Any]:
-    form = asdict(INSTRUMENTS[name])
+def _told(instrument: Instrument) -> dict[str, Any]:
+    form = asdict(instrument)
     for item in form["items"]:
         item["anchors"] = {"1": item.pop("low"), str(form["points"]): item.pop("high")}
     return form
+
+
+def _clashes(entry: Mapping[str, Any], place: FieldPath) -> Iterator[Problem]:
+    """Item ids that repeat, and items whose ends have no words."""
+    first: dict[str, int] = {}
+    for position, item in _entries(entry.get("items")):
+        name = item.get("id")
+        if isinstance(name, str) and first.setdefault(name, position) != position:
+            yield Problem((*place, "items", position, "id"), f"repeats entry {first[name] + 1}; ids must be different")
+        for end in ("low", "high"):
+            if not item.get(end) and not entry.get(end):
+                yield Problem((*place, "items", position, end), f"missing; give {end} here or once for all items")
+
+
+def _toml(value: object) -> str:
+    # JSON's numbers, booleans and strings are TOML's, but for the one control character that JSON leaves as it is.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _entries(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    entries = value if isinstance(value, list) else []
+    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, dict)]
 
 
 def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:

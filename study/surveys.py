@@ -36,15 +36,17 @@ class AnswerError(StudyError):
 
 
 def instrument(instrument_id: str) -> Instrument:
-    """The questionnaire of that id; `StudyError` names the ones there are."""
+    """The built-in questionnaire of that id; `StudyError` names the ones there are."""
     if instrument_id not in INSTRUMENTS:
         raise StudyError(f"no questionnaire {instrument_id!r}; there are {list(INSTRUMENTS)}")
     return INSTRUMENTS[instrument_id]
 
 
-def validate_answers(instrument_id: str, answers: object, field: str = "answers") -> tuple[AnswerProblem, ...]:
+def validate_answers(
+    questionnaire: str | Instrument, answers: object, field: str = "answers"
+) -> tuple[AnswerProblem, ...]:
     """Everything wrong with the answers {item: 1…points} to one questionnaire; empty when complete."""
-    form = instrument(instrument_id)
+    form = _form(questionnaire)
     if not isinstance(answers, Mapping):
         return (AnswerProblem(field, "must be an object of item id to answer"),)
     found = [*_unknown(answers, [item.id for item in form.items], field)]
@@ -60,8 +62,8 @@ def validate_surveys(study: Study, answers: object) -> tuple[AnswerProblem, ...]
     if not isinstance(answers, Mapping):
         return (AnswerProblem("answers", "must be an object of questionnaire id to answers"),)
     found = [*_unknown(answers, study.surveys, "answers")]
-    for instrument_id in study.surveys:
-        found += validate_answers(instrument_id, answers.get(instrument_id, {}), f"answers.{instrument_id}")
+    for form in study.instruments:
+        found += validate_answers(form, answers.get(form.id, {}), f"answers.{form.id}")
     return tuple(found)
 
 
@@ -141,22 +143,23 @@ def answer_rows(
     )
 
 
-def score(instrument_id: str, answers: Mapping[str, int]) -> float:
-    """The mean of all items on 1 to 7 after reversing: usability (modified SUS) or workload (modified raw TLX).
+def score(questionnaire: str | Instrument, answers: Mapping[str, int]) -> float:
+    """The mean of all items on 1 to 7 after reversing: usability (modified SUS) or workload (modified raw TLX). A
+    study's own questionnaire says whether it is the mean or the sum.
 
     Raises `AnswerError` when an item is missing, unknown or out of range: there is no score of half a questionnaire.
     """
-    problems = validate_answers(instrument_id, answers)
+    form = _form(questionnaire)
+    problems = validate_answers(form, answers)
     if problems:
         raise AnswerError(problems)
-    form = instrument(instrument_id)
     points = [form.points + 1 - answers[item.id] if item.reversed else answers[item.id] for item in form.items]
-    return sum(points) / len(points)
+    return sum(points) / (len(points) if form.method == "mean" else 1)
 
 
-def describe(instrument_id: str) -> dict[str, Any]:
+def describe(questionnaire: str | Instrument) -> dict[str, Any]:
     """A questionnaire as the page shows it: without directions and scoring."""
-    form = instrument(instrument_id)
+    form = _form(questionnaire)
     return {
         "id": form.id,
         "title": form.title,
@@ -165,6 +168,10 @@ def describe(instrument_id: str) -> dict[str, Any]:
         "points": form.points,
         "items": [{"id": item.id, "text": item.text, "low": item.low, "high": item.high} for item in form.items],
     }
+
+
+def _form(questionnaire: str | Instrument) -> Instrument:
+    return questionnaire if isinstance(questionnaire, Instrument) else instrument(questionnaire)
 
 
 def _scale_problem(item: Item, answers: Mapping[str, object], points: int) -> str | None:

@@ -31,14 +31,15 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.server app.api app.sockets app.scene_proxy
+        app.__main__ app.study_commands app.server app.api app.roster_api app.live_api app.sockets app.scene_proxy
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
         app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.heatmap app.cycles
         app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
-        app.paper app.fit app.studies app.shares app.replicate app.power
+        app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
+        app.recent app.remarks app.insight
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
@@ -52,7 +53,8 @@ MODULES = {
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
         sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.instruments study.questionnaires study.records study.measures
+        study.overview
+        study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -172,6 +173,29 @@ def test_a_study_without_practice_demographics_and_surveys_skips_them() -> None:
     )
     start, end = text.index("[[demographics]]"), text.index("[instructions]")
     assert parse(text[:start] + text[end:]).skips == {"demographics", "practice_ready", "survey"}
+
+
+# ---- conditions
+
+
+def with_conditions(count: int) -> Study:
+    """The shipped study with so many conditions, which differ in alpha alone."""
+    start, end = SOURCE.index("[[conditions]]"), SOURCE.index("[arbiter]")
+    tables = [f'[[conditions]]\nid = "alpha_{n}"\narbiter = "balanced"\nalpha = {n}\n' for n in range(count)]
+    return parse(SOURCE[:start] + "\n".join(tables) + "\n" + SOURCE[end:])
+
+
+@pytest.mark.parametrize(("count", "expected"), [(1, 1), (2, 2), (5, 120), (6, 6), (7, 14), (12, 12)])
+def test_any_number_of_conditions_is_counterbalanced(count: int, expected: int) -> None:
+    study = with_conditions(count)
+    found = orders(study)
+    assert len(set(found)) == len(found) == expected
+    places = Counter((place, condition) for order in found for place, condition in enumerate(order))
+    assert len(places) == count**2 and len(set(places.values())) == 1
+    followers = Counter(pair for order in found for pair in pairwise(order))
+    assert len(followers) == count * (count - 1) and len(set(followers.values())) <= 1
+    plan = plan_session(study, next_order(study, {}), 3)
+    assert [trial.condition for trial in plan.trials] == list(found[0])
 
 
 # ---- plans

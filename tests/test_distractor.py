@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.design import DistractorSettings
+from study.parts import DistractorSettings
 from study.distractor import DistractorState, from_rows
 from study.records import StudyError
 

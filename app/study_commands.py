@@ -1,0 +1,70 @@
+"""`salab new` and `salab check`: a study file made, and everything wrong with one told."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+
+from app.config import LabError
+
+
+def add_study_commands(commands) -> None:  # type: ignore[no-untyped-def]
+    """Add both to the command line's subparsers."""
+    new = commands.add_parser("new", help="write a commented study file to change")
+    new.add_argument("name", metavar="NAME", help="name of the study, or of the file: pilot makes pilot.toml")
+    new.set_defaults(run=_new)
+    check = commands.add_parser("check", help="tell every problem of a study file at once")
+    check.add_argument("file", type=Path, metavar="FILE", help="the study file")
+    check.set_defaults(run=_check)
+
+
+def new_study_text(title: str, file: Path) -> str:
+    """The paper's study with another title, its comments naming the file."""
+    from study.design import DEFAULT_STUDY
+
+    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title, ensure_ascii=False)}", text, flags=re.M)
+    return text.replace("my-study.toml", file.name)
+
+
+def _new(options: argparse.Namespace) -> None:
+    name = options.name.strip()
+    file = Path(name if name.endswith(".toml") else f"{name}.toml")
+    title = re.sub(r"[-_\s]+", " ", file.stem).strip()
+    if not name or not title or not title.isprintable():
+        raise LabError(f"{options.name!r} is no name for a study; give one such as my-study")
+    text = new_study_text(title[0].upper() + title[1:], file)
+    try:
+        with file.open("x", encoding="utf-8", newline="\n") as made:
+            made.write(text)
+    except FileExistsError:
+        raise LabError(f"{file}: there already; choose another name, or remove it first") from None
+    except OSError as error:
+        raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
+    print(
+        f"wrote {file}: the paper's study, with every setting explained. Next:\n"
+        f"  change it in an editor\n"
+        f"  salab check {file}\n"
+        f"  salab simulate --study {file} --participants 2 --out {file.stem}-pilot\n"
+        f"  salab serve --study {file}"
+    )
+
+
+def _check(options: argparse.Namespace) -> int:
+    from app.variants import open_study
+    from study.design import StudyFileError
+    from study.overview import overview
+
+    try:
+        study = open_study(options.file)
+    except StudyFileError as error:
+        for problem in error.problems:
+            print(problem, file=sys.stderr)
+        count = len(error.problems)
+        print(f"{options.file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
+        return 1
+    print(f"{options.file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    return 0

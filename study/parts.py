@@ -1,0 +1,135 @@
+"""The tables of a study file: what a researcher decides, part by part, with defaults and bounds."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Literal, Union
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from study.fields import Flag, Identifier, Paragraphs, Part, Text, number
+
+
+def _calibrated_or_number(value: object) -> object:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if value == "calibrated" or (is_number and 0 <= float(value) < float("inf")):  # type: ignore[arg-type]
+        return value
+    raise PydanticCustomError("alpha", 'must be a number at least 0, or "calibrated"')
+
+
+Alpha = Annotated[Union[float, Literal["calibrated"]], BeforeValidator(_calibrated_or_number)]  # noqa: UP007
+
+
+class Option(Part):
+    """One answer to choose."""
+
+    id: Identifier
+    label: Text
+
+
+class DemographicItem(Part):
+    """One question about the participant. Only a `choice` has options."""
+
+    id: Identifier
+    prompt: Text
+    kind: Literal["choice", "text", "number"] = "choice"
+    options: tuple[Option, ...] = ()
+    required: Flag = True
+
+
+class ComprehensionQuestion(Part):
+    """One question about the instructions; `correct` is the id of the right option."""
+
+    id: Identifier
+    prompt: Text
+    options: Annotated[tuple[Option, ...], Field(min_length=2)]
+    correct: Identifier
+
+
+class OpenQuestion(Part):
+    """A question of the debrief, answered in the participant's own words or not at all."""
+
+    id: Identifier
+    prompt: Text
+
+
+class Consent(Part):
+    """What a participant agrees to, and whom to ask."""
+
+    text: Paragraphs
+    contact: Text
+    on_withdrawal: Literal["keep", "erase"] = "keep"
+    """What becomes of the data of somebody who withdraws, as the text says; the experimenter may still choose."""
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the consent text and contact, stored with the agreement."""
+        return hashlib.sha256("\n\n".join([*self.text, self.contact]).encode()).hexdigest()
+
+
+class Instructions(Part):
+    """The text before practice and the questions that check it was understood."""
+
+    text: Paragraphs
+    questions: tuple[ComprehensionQuestion, ...] = ()
+
+
+class Texts(Part):
+    """The lab's words between and after the trials. `completion_link` is opened from the last page, if given."""
+
+    between_trials: Paragraphs
+    debrief: Paragraphs
+    debrief_questions: tuple[OpenQuestion, ...] = ()
+    thanks: Paragraphs
+    withdrawn: Paragraphs
+    aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
+    completion_link: Annotated[str, Field(strict=True)] = ""
+
+
+class Condition(Part):
+    """One way the robot assists. `alpha` weighs information, `beta` goals, `gamma` the person (paper III-F)."""
+
+    id: Identifier
+    arbiter: Literal["teleoperation", "goal_oriented", "balanced"]
+    alpha: Alpha = 0.0
+    beta: float = number(default=1.0, ge=0.0)
+    gamma: float = number(default=1e6, ge=0.0)
+
+
+class ArbiterSettings(Part):
+    """The model of the person and of the robot's motion that the arbiter reasons with."""
+
+    rationality_per_m: float = number(default=5.0, gt=0.0, le=1000.0)
+    step_m: float = number(default=0.05, gt=0.0, le=0.2)
+    planning_delay: float = number(default=0.2, ge=0.0, le=1.0)
+    """Share of a tick in which the arm still follows the previous direction."""
+    transition: Literal["mix", "replan"] = "mix"
+    entropy_floor: float = number(default=0.1, gt=0.0, le=1.0)
+    stickiness: float = number(default=0.003, ge=0.0, le=1.0)
+
+
+class RobotSettings(Part):
+    """How fast the robot is and how long its own actions take, in ticks of 0.5 s."""
+
+    speed_m_s: float = number(default=0.04, gt=0.0, le=0.1)
+    """0.1 m/s is 5 cm a tick, the paper's largest Cartesian step."""
+    gripper_ticks: int = number(default=2, ge=1, le=20)
+    settle_timeout_ticks: int = number(default=12, ge=1, le=120)
+    """How long a released object may take to come to rest before the dropoff is judged as it lies."""
+    reset_ticks: int = number(default=4, ge=1, le=120)
+
+
+class DistractorSettings(Part):
+    """The second task: readings to be logged (paper IV-B). Times are trial time, which stops during a pause."""
+
+    enabled: Flag = True
+    first_s: float = number(default=10.0, ge=0.0, le=3600.0)
+    every_s: float = number(default=20.0, gt=0.0, le=3600.0)
+    answer_within_s: float = number(default=20.0, gt=0.0, le=3600.0)
+    placement: Literal["second_device", "same_page_away"] = "same_page_away"
+    away_min_s: float = number(default=5.0, ge=0.0, le=3600.0)
+    """`same_page_away` only: the shortest time the pad stays ignored after a reading appeared."""
+    digits: int = number(default=4, ge=1, le=9)
+    decimals: int = number(default=1, ge=0, le=4)
+    """How many of the digits stand after the point."""
