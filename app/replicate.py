@@ -18,10 +18,8 @@ from app.participants import TRAITS, Population
 from app.planning import StudySetup
 from app.shares import GoalGain, Means, Share, compared, goal_gains, means, shares
 from app.simulate import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
-from app.studies import Values, run_studies
+from app.studies import MAX_STUDIES, Values, run_studies
 from app.variants import Changes, changed_study, parse_text
-
-MAX_STUDIES = 10_000
 
 
 @dataclass(frozen=True)
@@ -140,18 +138,18 @@ def replicate(
     check_place(out_dir)
     folder = out_dir / "studies" if out_dir else None
     values = run_studies(plan, studies, participants, workers, folder)
-    base = tested(values, workers)
+    base = compare_all(values, workers)
     rows = []
     for variation in variations(plan) if vary else ():
         place = out_dir / "varied" / _slug(variation.name) if out_dir else None
         changed = run_studies(varied(plan, variation), vary, participants, workers, place, f"studies, {variation.name}")
-        rows.append((variation, vary, shares(tested(changed, workers)), means(changed)))
+        rows.append((variation, vary, shares(compare_all(changed, workers)), means(changed)))
     return Replication(
         plan, preset, participants, tuple(values), shares(base), means(values), goal_gains(values), tuple(rows)
     )
 
 
-def tested(values: Sequence[Values], workers: int) -> list[dict[Claim, Any]]:
+def compare_all(values: Sequence[Values], workers: int) -> list[dict[Claim, Any]]:
     """Every study's comparisons."""
     jobs = list(enumerate(values))
     found = {job[0]: result for job, result in run_jobs(_compared, jobs, min(workers, 1 + len(values) // 50))}

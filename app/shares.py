@@ -18,7 +18,7 @@ SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80
 
 
 @dataclass(frozen=True)
-class Tested:
+class Contrast:
     """One comparison in one study: the adjusted difference, Tukey's p, and whether it was shown to be within the
     margin (two one-sided tests at .05). None = nothing to compare."""
 
@@ -100,9 +100,9 @@ def middle(values: Sequence[float]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Tested]:
+def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Contrast]:
     """Every comparison in one study, as the paper tested it."""
-    found: dict[Claim, Tested] = {}
+    found: dict[Claim, Contrast] = {}
     for key in dict.fromkeys((claim.measure, claim.kind) for claim in claims):
         if not values.observations.get(key):
             continue
@@ -125,7 +125,7 @@ def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Te
                 if {pair.first, pair.second} == {claim.first, claim.second}:
                     turned = 1.0 if pair.first == claim.first else -1.0
                     difference = turned * pair.difference.value
-                    found[claim] = Tested(difference, pair.p, _equivalent(claim, model, difference))
+                    found[claim] = Contrast(difference, pair.p, _equivalent(claim, model, difference))
     return found
 
 
@@ -137,12 +137,12 @@ def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
     return abs(difference) + reach < claim.margin
 
 
-def shares(tested: Sequence[Mapping[Claim, Tested]], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
+def shares(tested: Sequence[Mapping[Claim, Contrast]], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
     """All studies together; a study in which a comparison could not be made counts against it."""
     return tuple(_share(claim, [study[claim] for study in tested if claim in study], len(tested)) for claim in claims)
 
 
-def _share(claim: Claim, found: Sequence[Tested], studies: int) -> Share:
+def _share(claim: Claim, found: Sequence[Contrast], studies: int) -> Share:
     def share(holds: Sequence[bool]) -> float:
         return sum(holds) / studies if studies else float("nan")
 

@@ -20,7 +20,7 @@ from app.config import LabError
 from app.console import ProgressBar
 from app.paper import REPORTED
 from app.parts import make_robot
-from app.simulate import Plan, participant_seed, run_jobs
+from app.simulate import Plan, check_count, participant_seed, run_jobs
 from app.simulation import simulate_trials
 from study.analysis import Observation, observations, survey_observations
 from study.design import orders
@@ -28,6 +28,7 @@ from study.measures import measure, survey_scores
 
 Key = tuple[str, str]
 """Measure and kind, as in `app.paper.REPORTED`."""
+MAX_STUDIES = 10_000
 SURVEYS = ("sus_modified", "tlx_raw")
 
 
@@ -151,6 +152,7 @@ def run_studies(
     plan: Plan, studies: int, participants: int, workers: int, folder: Path | None, what: str = "studies"
 ) -> list[Values]:
     """The values of every study, in order; those on disk are not run again."""
+    check_count("studies", studies, MAX_STUDIES)
     archive = Archive(folder, {**plan.settings(), "participants": participants})
     archive.open()
     done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
