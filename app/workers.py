@@ -1,22 +1,24 @@
 """Starting, hearing and ending worker processes, from the lab's event loop.
 
-Workers come from a fork server that was started before this process had threads, with the heavy imports made once, so a
-new worker is ready in a fraction of a second and a crash in native code ends that worker alone.
+Workers come from a fork server (a process without threads), with the heavy imports made once, so a new worker is
+ready in a fraction of a second and a crash in native code ends that worker alone. A worker that hangs holds up nobody
+else: commands go out on a thread of their own, and the session ends a worker that no longer answers.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
-from app.worker_messages import Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker_messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
@@ -31,10 +33,64 @@ def worker_context(robot: str) -> ForkServerContext:
     return context
 
 
+def warm_up(context: ForkServerContext) -> None:
+    """Start the fork server and let it make its imports now, so that the first session does not wait for them."""
+    process = context.Process(target=_nothing)
+    process.start()
+    process.join()
+
+
+def _nothing() -> None:
+    """What a worker that only warms up does."""
+
+
 def _entry(connection: Connection, spec: WorkerSpec) -> None:
     from app.worker import run
 
     run(connection, spec)
+
+
+class _Outgoing:
+    """Commands on their way to a worker, sent by a thread of their own.
+
+    A worker that no longer reads (stopped, or hung in native code) blocks this thread and nothing else. Meanwhile
+    only the newest state of the hands is kept: older ones would be stale anyway.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._waiting: list[WorkerCommand | None] = []
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="worker commands", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def put(self, command: WorkerCommand | None) -> None:
+        """Queue a command; None ends the thread after what is queued."""
+        with self._changed:
+            last = self._waiting[-1] if self._waiting else None
+            if isinstance(command, Hands) and isinstance(last, Hands) and (command.beat or last.beat):
+                # A heartbeat only repeats: what was pressed, and whether it runs a tick, stays the input's.
+                merged = replace(command, pressed=last.pressed, beat=last.beat) if command.beat else command
+                self._waiting[-1] = merged
+            else:
+                self._waiting.append(command)
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._waiting:
+                    self._changed.wait()
+                command = self._waiting.pop(0)
+            if command is None:
+                return
+            try:
+                self._connection.send(command)
+            except OSError:
+                return  # the worker is gone; its exit is reported on its own
 
 
 class WorkerProcess:
@@ -57,6 +113,7 @@ class WorkerProcess:
         self._connection, theirs = context.Pipe()
         self._process = cast(BaseProcess, context.Process(target=_entry, args=(theirs, spec), daemon=True))
         self._theirs = theirs
+        self._outgoing = _Outgoing(self._connection)
         self._exited = asyncio.Event()
 
     @property
@@ -68,14 +125,13 @@ class WorkerProcess:
         """Start the process and listen to it."""
         self._process.start()
         self._theirs.close()
+        self._outgoing.start()
         self._loop.add_reader(self._connection.fileno(), self._read)
 
     def send(self, command: WorkerCommand) -> None:
-        """Hand over a command; a worker that is gone does not hear it (its exit is reported on its own)."""
-        if self._exited.is_set():
-            return
-        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            self._connection.send(command)
+        """Hand over a command; never blocks. A worker that is gone does not hear it (its exit is reported)."""
+        if not self._exited.is_set():
+            self._outgoing.put(command)
 
     async def stop(self) -> None:
         """End the process and wait for it; kill it if it does not obey."""
@@ -99,6 +155,7 @@ class WorkerProcess:
                 self._on_report(report)
         except (EOFError, ConnectionResetError, OSError):
             self._loop.remove_reader(self._connection.fileno())
+            self._outgoing.put(None)
             self._connection.close()
             self._exited.set()
             self._on_exit()
