@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 import tempfile
+import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,6 +19,7 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
+from app.auth import WrongTokens
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
@@ -25,7 +28,7 @@ from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export import export_zip
 from study.protocol import Event, IllegalEvent, allowed
-from study.store import StoredSession
+from study.store import Kind, StoredSession
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Vector = Annotated[tuple[Number, Number, Number], Field(description="x, y, z in the world frame")]
@@ -42,6 +45,9 @@ class InviteRequest(_Body):
     """Who to enrol."""
 
     demo: bool = False
+    """Short for kind "demo"."""
+    kind: Literal["study", "pilot", "demo"] = "study"
+    """Pilot and demo participants hold no cell of the counterbalancing, and no export has them unless asked for."""
     pace: Literal["real_time", "lockstep"] | None = None
     label: Annotated[str, Field(max_length=200)] | None = None
     """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
@@ -55,6 +61,7 @@ class InvitationReply(BaseModel):
     link: str
     panel_link: str
     demo: bool
+    kind: str
 
 
 class InviteReply(InvitationReply):
@@ -69,6 +76,7 @@ class SessionReply(BaseModel):
     participant: str
     label: str | None
     demo: bool
+    kind: str
     state: str
     place: str
     causes: list[str]
@@ -163,9 +171,21 @@ def lab_of(request: Request) -> Lab:
 def experimenter(request: Request) -> str:
     """Lets only the experimenter through."""
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
-    if scheme.lower() != "bearer" or not lab_of(request).is_experimenter(token.strip()):
-        raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
-    return "experimenter"
+    if scheme.lower() == "bearer" and lab_of(request).is_experimenter(token.strip()):
+        return "experimenter"
+    if token:
+        check_wrong_token(request, token)
+    raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
+
+
+def check_wrong_token(request: Request, token: str) -> None:
+    """Counts it; after too many the answer is 429. Who has the right token never gets here."""
+    wrong_tokens: WrongTokens = request.app.state.wrong_tokens
+    address = request.client.host if request.client else ""
+    wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic()))
+    if wait_s > 0:
+        text = f"too many wrong tokens from this address; try again in {wait_s} s"
+        raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
 
 
 class ExperimenterRoute(APIRoute):
@@ -218,17 +238,19 @@ async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
 
 @private.post("/participants", status_code=201)
 async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteReply:
-    """Enrol participants (or demo visitors) and get their links."""
+    """Enrol participants (or pilots, or demo visitors) and get their links."""
     created = []
+    kind: Kind = "demo" if body.demo else body.kind
     for number in itertools.count(1):
         identities = {"label": body.label if body.count == 1 else f"{body.label} {number}"} if body.label else None
-        invitation = await lab.invite(demo=body.demo, pace=body.pace, identities=identities)
+        invitation = await lab.invite(kind=kind, pace=body.pace, identities=identities)
         created.append(
             InvitationReply(
                 participant=invitation.participant,
                 link=lab.link(invitation.participant_token),
                 panel_link=lab.link(invitation.panel_token, "panel"),
-                demo=body.demo,
+                demo=kind == "demo",
+                kind=kind,
             )
         )
         if number == body.count:
@@ -240,10 +262,8 @@ async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteR
 async def sessions(lab: TheLab, who: Experimenter) -> list[SessionReply]:
     """Every session, demo included, in order of enrolment."""
     stored = await lab.stored_sessions()
-    labels = await lab.store.run(
-        lambda store: {item.participant: store.identities(item.participant) for item in stored}
-    )
-    return [_session_reply(lab, item, dict(labels[item.participant]).get("label")) for item in stored]
+    labels = await lab.store.run(lambda store: store.labels())
+    return [_session_reply(lab, item, labels.get(item.participant)) for item in stored]
 
 
 def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
@@ -254,6 +274,7 @@ def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Sessio
         participant=stored.participant,
         label=label,
         demo=stored.demo,
+        kind=stored.kind,
         state=session.state,
         place=session.place,
         causes=sorted(session.causes),
@@ -298,11 +319,13 @@ _command_route("abort", lambda reason: Event("abort", reason), True, "End the se
 
 
 @private.get("/export")
-async def export(lab: TheLab, who: Experimenter) -> FileResponse:
-    """All data as a zipped data package. Demo participants and identities are not in it."""
+async def export(lab: TheLab, who: Experimenter, include_pilot: bool = False) -> FileResponse:
+    """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
     path = Path(folder.name) / "export.zip"
-    await asyncio.to_thread(export_zip, lab.store.store, path)  # beside the writing thread: ticks do not wait for it
+    await asyncio.to_thread(  # beside the writing thread: ticks do not wait for it
+        export_zip, lab.store.store, path, include_pilot=include_pilot
+    )
     return FileResponse(
         path,
         media_type="application/zip",
@@ -313,5 +336,6 @@ async def export(lab: TheLab, who: Experimenter) -> FileResponse:
 
 def add_api(app: FastAPI) -> None:
     """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.state.wrong_tokens = WrongTokens()
     app.include_router(public)
     app.include_router(private)

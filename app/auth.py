@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
+from collections import OrderedDict
 
 TOKEN_BYTES = 24
 
@@ -22,3 +23,34 @@ def token_hash(token: str) -> str:
 def same_token(given: str, expected: str) -> bool:
     """Compare without telling by the time taken where they differ."""
     return hmac.compare_digest(given.encode(), expected.encode())
+
+
+class WrongTokens:
+    """Counts the wrong experimenter's tokens an address has tried, in constant memory: guessing becomes slow.
+
+    Who has the right token is never asked to wait, and neither is a page that was left open and repeats one stale
+    token: only different ones are guesses. At most `addresses` addresses are remembered, the least recent ones are
+    forgotten first.
+    """
+
+    def __init__(self, allowed: int = 10, within_s: float = 60.0, addresses: int = 1000) -> None:
+        self.allowed = allowed
+        self.within_s = within_s
+        self.addresses = addresses
+        self._tried: OrderedDict[str, dict[str, float]] = OrderedDict()
+
+    def add(self, address: str, token: str, now_s: float) -> float:
+        """Another wrong one; the seconds this address has to wait, 0 = none."""
+        recent = {
+            digest: tried_s
+            for digest, tried_s in self._tried.pop(address, {}).items()
+            if now_s - tried_s < self.within_s
+        }
+        self._tried[address] = recent
+        if len(self._tried) > self.addresses:
+            self._tried.popitem(last=False)
+        digest = token_hash(token)
+        if digest not in recent and len(recent) >= self.allowed:
+            return self.within_s - (now_s - min(recent.values()))
+        recent[digest] = now_s
+        return 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 import time
 from collections.abc import Callable, Mapping
@@ -23,8 +24,8 @@ from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
-from study.records import StudyError
-from study.store import Store, StoredSession, open_store
+from study.records import EventRow, StudyError
+from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
 
 PROBE_EVERY_S = 2.0
@@ -61,6 +62,7 @@ class Lab:
         self.base_url = config.public_url or ""
         self.experimenter_token = experimenter_token or new_token()
         self.demo_token = new_token()
+        self._demo_public_id = secrets.token_hex(8)
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
@@ -131,12 +133,23 @@ class Lab:
 
         return await self.store.run(look_up)
 
+    async def place(self, token: str) -> tuple[str, Literal["participant", "panel"]] | None:
+        """Which pages a link opens, as (public id, role); None if it opens none. Nothing comes to be by asking."""
+        if same_token(token, self.demo_token):
+            return self._demo_public_id, "participant"
+        found = await self.holder(token)
+        return None if found is None else (found[0].public_id, found[1])
+
     async def admit(self, token: str) -> tuple[StoredSession, Literal["participant", "panel"]] | None:
-        """As `holder`, for somebody who follows a link: the demo link makes its participant when it is first used."""
+        """As `holder`, for a page that connects: the demo link makes its participant when its page first does.
+
+        What only fetches the link (a mail scanner, a preview) never gets here.
+        """
         if same_token(token, self.demo_token):
             async with self._demo:
                 if await self.holder(token) is None:
-                    await self.invite(demo=True, tokens={"participant": token, "panel": new_token()})
+                    tokens = {"participant": token, "panel": new_token()}
+                    await self.invite(kind="demo", tokens=tokens, public_id=self._demo_public_id)
         return await self.holder(token)
 
     # ---- participants -------------------------------------------------------------------------------------------
@@ -144,22 +157,23 @@ class Lab:
     async def invite(
         self,
         *,
-        demo: bool = False,
+        kind: Kind = "study",
         pace: Pace | None = None,
         identities: Mapping[str, str] | None = None,
         tokens: Mapping[str, str] | None = None,
+        public_id: str | None = None,
     ) -> Invitation:
-        """Enrol someone in the least-filled order. Demo participants take no cell and stay out of exports."""
+        """Enrol someone in the least-filled order. Pilot and demo participants take no cell, no export has them."""
         tokens = tokens or {role: new_token() for role in ROLES}
         study = self.setup.study
         stored = await self.store.run(
             lambda store: store.create_participant(
                 study,
                 seed=secrets.randbits(48),
-                public_id=secrets.token_hex(8),
+                public_id=public_id or secrets.token_hex(8),
                 utc=utc_text(self._now_unix_s()),
                 tokens={role: token_hash(token) for role, token in tokens.items()},
-                demo=demo,
+                kind=kind,
                 pace=pace or self.config.pace,
                 identities=identities,
             )
@@ -183,6 +197,33 @@ class Lab:
         """The dashboard's link. The token stands behind `#`, so that no server or proxy logs it."""
         return f"{self.base_url}/dashboard#token={self.experimenter_token}"
 
+    async def new_link(self, participant: str) -> str:
+        """Another link to the participant's page, for one that was lost. Raises `NoSuchParticipant`."""
+        await self.stored_session(participant)
+        token, utc = new_token(), utc_text(self._now_unix_s())
+        await self.store.run(lambda store: store.add_token(participant, "participant", token_hash(token), utc))
+        return self.link(token)
+
+    async def reject(self, participant: str, reason: str, by: str) -> bool:
+        """Give the participant's cell out again; False when somebody was quicker. What was recorded stays."""
+        data = json.dumps({"by": by, "reason": reason})
+        utc = utc_text(self._now_unix_s())
+        event = EventRow(participant, None, None, utc, "rejected", "experimenter", data)
+        return await self.store.run(lambda store: store.reject(participant, event))
+
+    async def erase(self, participant: str) -> bool:
+        """End the session if it is live and delete everything about the participant but the mark that there was one.
+
+        Returns `Store.erase`'s word on the space. Raises `NoSuchParticipant`.
+        """
+        utc = utc_text(self._now_unix_s())
+        async with self._opening.setdefault(participant, asyncio.Lock()):
+            await self.stored_session(participant)
+            live = self._live.pop(participant, None)
+            if live is not None:
+                await live.close()
+            return await self.store.run(lambda store: store.erase(participant, utc))
+
     async def stored_sessions(self) -> tuple[StoredSession, ...]:
         """Everyone, as stored."""
         return await self.store.run(lambda store: store.sessions())
@@ -198,7 +239,7 @@ class Lab:
         participant = stored.participant
         async with self._opening.setdefault(participant, asyncio.Lock()):
             if participant not in self._live:
-                fresh = await self.store.run(lambda store: store.session(participant))
+                fresh = await self.stored_session(participant)  # it may have been erased meanwhile
                 session = await self._bring_up(fresh)
                 await session.open()
                 self._live[participant] = session
@@ -209,13 +250,16 @@ class Lab:
 
         Raises `NoSuchParticipant`, and `study.protocol.IllegalEvent` when the session has moved on.
         """
-        try:
-            stored = await self.store.run(lambda store: store.session(participant))
-        except StudyError:
-            raise NoSuchParticipant(f"no participant {participant!r}") from None
-        session = await self.session(stored)
+        session = await self.session(await self.stored_session(participant))
         await session.command(event, by)
         return session
+
+    async def stored_session(self, participant: str) -> StoredSession:
+        """One participant, as stored. Raises `NoSuchParticipant`."""
+        try:
+            return await self.store.run(lambda store: store.session(participant))
+        except StudyError:
+            raise NoSuchParticipant(f"no participant {participant!r}") from None
 
     async def _bring_up(self, stored: StoredSession) -> LiveSession:
         setup = await self._setup_of(stored.study_hash)

@@ -16,7 +16,8 @@ from fastapi_offline import FastAPIOffline
 from app import sockets
 from app.api import add_api
 from app.config import LabError
-from app.lab import Lab
+from app.lab import Lab, NoSuchParticipant
+from app.roster_api import add_roster_api
 from app.scene_proxy import proxy_scene, scene_page_response
 from app.session import LiveSession
 from app.surroundings import Role
@@ -58,6 +59,7 @@ def create_app(lab: Lab) -> FastAPI:
     )
     app.state.lab = lab
     add_api(app)
+    add_roster_api(app)
     _add_errors(app)
     _add_pages(app, lab)
     _add_sockets(app, lab)
@@ -113,13 +115,11 @@ def _forbidden() -> Response:
 
 def _add_pages(app: FastAPI, lab: Lab) -> None:
     async def enter(request: Request, token: str, role: Role) -> Response:
-        holder = await lab.admit(token)
-        if holder is None or holder[1] != role:
+        """Changes nothing: whoever fetches a link may be a mail scanner. The page's socket is what begins a session."""
+        place = await lab.place(token)
+        if place is None or place[1] != role:
             return _forbidden()
-        stored = holder[0]
-        agent = request.headers.get("user-agent", "")[:300]
-        await lab.note_identity(stored.participant, f"user_agent_{role}", agent)
-        path = f"/s/{stored.public_id}" + ("/panel" if role == "panel" else "")
+        path = f"/s/{place[0]}" + ("/panel" if role == "panel" else "")
         response = RedirectResponse(f"{path}/", 303)
         secure = request.url.scheme == "https" or lab.base_url.startswith("https")
         response.set_cookie(
@@ -129,8 +129,7 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
 
     async def is_holder(request: Request, public_id: str, role: Role) -> bool:
         token = request.cookies.get(COOKIES[role])
-        holder = await lab.holder(token) if token else None
-        return holder is not None and holder[0].public_id == public_id and holder[1] == role
+        return bool(token) and await lab.place(token or "") == (public_id, role)
 
     @app.get("/", include_in_schema=False)
     async def front() -> Response:
@@ -170,13 +169,17 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
 def _add_sockets(app: FastAPI, lab: Lab) -> None:
     async def admitted(websocket: WebSocket, public_id: str, role: Role) -> LiveSession | None:
         """The session a socket belongs to; otherwise the handshake is answered with 403."""
-        token = websocket.cookies.get(COOKIES[role])
-        holder = await lab.holder(token) if token else None
-        fits = holder is not None and holder[0].public_id == public_id and holder[1] == role
-        if holder is None or not fits or not sockets.same_origin(websocket, lab.config.public_url):
-            await websocket.close(1008)
-            return None
-        return await lab.session(holder[0])
+        token = websocket.cookies.get(COOKIES[role]) or ""
+        fits = bool(token) and await lab.place(token) == (public_id, role)
+        is_ours = fits and sockets.same_origin(websocket, lab.config.public_url)
+        holder = await lab.admit(token) if is_ours else None
+        try:
+            if holder is not None:
+                return await lab.session(holder[0])
+        except NoSuchParticipant:  # erased in this moment
+            pass
+        await websocket.close(1008)
+        return None
 
     places = sockets.Places(lab.config.max_sockets_per_session)
 
@@ -188,6 +191,8 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
             if not is_free:
                 await websocket.close(1013)
                 return
+            agent = websocket.headers.get("user-agent", "")[:300]
+            await lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
             await websocket.accept()
             await sockets.serve(websocket, session, role)
 

@@ -49,17 +49,21 @@ class ExportError(StudyError):
     """A folder that cannot be written to or read from as an export; one line with what would help."""
 
 
-def export(store: Store, out_dir: Path | str, *, include_demo: bool = False) -> dict[str, int]:
-    """Write everything recorded into a folder; rows per table. Demo participants are left out unless asked for.
+def export(
+    store: Store, out_dir: Path | str, *, include_demo: bool = False, include_pilot: bool = False
+) -> dict[str, int]:
+    """Write everything recorded into a folder; rows per table. Demo and pilot participants only when asked for.
 
     Raises `ExportError` when the folder holds anything but an earlier export, which is replaced.
     """
     with store.snapshot() as recorded:
-        tables, studies, meta = _contents(recorded, include_demo)
+        tables, studies, meta = _contents(recorded, include_demo, include_pilot)
         return write_tables(out_dir, tables, studies=studies, meta=meta)
 
 
-def export_zip(store: Store, zip_path: Path | str, *, include_demo: bool = False) -> dict[str, int]:
+def export_zip(
+    store: Store, zip_path: Path | str, *, include_demo: bool = False, include_pilot: bool = False
+) -> dict[str, int]:
     """The same files as one archive, which replaces an earlier one; rows per table.
 
     Raises `ExportError` when there is a file of that name that is no archive of an export.
@@ -71,7 +75,7 @@ def export_zip(store: Store, zip_path: Path | str, *, include_demo: bool = False
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".export-", dir=path.parent) as made:
             folder, archive = Path(made) / "files", Path(made) / "archive.zip"
-            counts = export(store, folder, include_demo=include_demo)
+            counts = export(store, folder, include_demo=include_demo, include_pilot=include_pilot)
             _pack(folder, archive)
             os.replace(archive, path)
     except OSError as error:
@@ -80,11 +84,11 @@ def export_zip(store: Store, zip_path: Path | str, *, include_demo: bool = False
 
 
 def _contents(
-    recorded: Snapshot, include_demo: bool
+    recorded: Snapshot, include_demo: bool, include_pilot: bool
 ) -> tuple[dict[str, Iterator[Any]], dict[str, str], dict[str, Any]]:
-    tables = {table: recorded.rows(table, include_demo) for table in TABLES}
+    tables = {table: recorded.rows(table, include_demo, include_pilot) for table in TABLES}
     meta = {"machines": recorded.machines(), "erased_participants": len(recorded.erasures())}
-    return tables, recorded.study_texts(include_demo), meta
+    return tables, recorded.study_texts(include_demo, include_pilot), meta
 
 
 def write_tables(

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any, Literal, cast
 
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
@@ -26,6 +26,7 @@ from study.design import Study, next_order, plan_session
 from study.fingerprint import machine_fingerprint
 from study.protocol import Session, from_json, new_session, to_json
 from study.records import (
+    KEYS,
     SCHEMA_VERSION,
     TABLES,
     AlertRow,
@@ -39,21 +40,19 @@ from study.records import (
     columns,
 )
 
-STORE_VERSION = 1
+STORE_VERSION = 2
 """Version of the lab's own tables; the recorded ones follow `records.SCHEMA_VERSION`."""
 FILE_NAME = "lab.sqlite"
 LOCK_NAME = "lab.lock"
+Kind = Literal["study", "pilot", "demo"]
+"""What somebody is enrolled for. Only `study` holds a cell and is in the default export."""
+ID_LETTER: Mapping[Kind, str] = {"study": "P", "pilot": "T", "demo": "D"}
+"""What ids begin with: P for participants, T for trial runs, D for demos."""
+Kind = Literal["study", "pilot", "demo"]
+"""What somebody is enrolled for. Only `study` holds a cell and is in the default export."""
+ID_LETTER: Mapping[Kind, str] = {"study": "P", "pilot": "T", "demo": "D"}
+"""What ids begin with: P for participants, T for trial runs, D for demos."""
 ORDER_SEPARATOR = ">"
-
-_KEYS: Mapping[str, tuple[str, ...]] = {
-    "participants": ("participant",),
-    "trials": ("participant", "trial"),
-    "tasks": ("participant", "trial", "task"),
-    "ticks": ("participant", "trial", "tick"),
-    "practice_ticks": ("participant", "trial", "tick"),
-    "alerts": ("participant", "trial", "alert"),
-}
-"""What makes a row unique, and the order of rows within a participant. Other tables keep the order of arrival."""
 
 
 class StoreError(StudyError):
@@ -68,12 +67,17 @@ class StoredSession:
     public_id: str
     session: Session
     order: tuple[str, ...]
-    demo: bool
+    kind: Kind
     pace: str
     study_hash: str
     seed: int
     created_utc: str
     rejected: bool
+
+    @property
+    def demo(self) -> bool:
+        """Whether this is a visitor who tries the study, not somebody of whom data are wanted."""
+        return self.kind == "demo"
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ _SESSIONS = sql.Table(
     sql.Column("session", sql.Text, nullable=False),
     sql.Column("state", sql.Text, nullable=False),
     sql.Column("condition_order", sql.Text, nullable=False),
-    sql.Column("demo", sql.Integer, nullable=False),
+    sql.Column("kind", sql.Text, nullable=False),
     sql.Column("pace", sql.Text, nullable=False),
     sql.Column("study_hash", sql.Text, sql.ForeignKey("studies.hash"), nullable=False),
     sql.Column("seed", sql.Integer, nullable=False),
@@ -176,7 +180,7 @@ _ERASURES = sql.Table(
 
 
 def _record_table(name: str) -> sql.Table:
-    keys = _KEYS.get(name, ())
+    keys = KEYS.get(name, ())
     made: list[sql.Column[Any]] = [] if keys else [sql.Column("row_id", sql.Integer, primary_key=True)]
     for info in columns(name):
         if info.name == "participant":
@@ -261,12 +265,12 @@ class Store:
         public_id: str,
         utc: str,
         tokens: Mapping[str, str] | None = None,
-        demo: bool = False,
+        kind: Kind = "study",
         pace: str = "real_time",
         order: Sequence[str] | None = None,
         identities: Mapping[str, str] | None = None,
     ) -> StoredSession:
-        """Enrol someone under the least-filled order (or the one given). Demo participants take no cell.
+        """Enrol someone under the least-filled order (or the one given). Pilot and demo take no cell.
 
         `tokens` maps a role to the SHA-256 of its token in hex. Raises `StudyError` for an order or seed the study
         cannot plan, `StoreError` for a public id or token that is taken.
@@ -284,7 +288,7 @@ class Store:
                 "session": "",
                 "state": "consent",
                 "condition_order": ORDER_SEPARATOR.join(chosen),
-                "demo": int(demo),
+                "kind": kind,
                 "pace": pace,
                 "study_hash": study.hash,
                 "seed": seed,
@@ -292,7 +296,7 @@ class Store:
                 "rejected": 0,
             }
             number = cast(int, connection.execute(_SESSIONS.insert().values(values)).inserted_primary_key[0])
-            participant = f"{'D' if demo else 'P'}{number:03d}"
+            participant = f"{ID_LETTER[kind]}{number:03d}"
             session = new_session(participant, len(chosen), study.skips)
             connection.execute(
                 _SESSIONS.update()
@@ -310,12 +314,13 @@ class Store:
                 consent_hash=None,
                 finished_utc=None,
                 schema_version=SCHEMA_VERSION,
+                kind=kind,
             )
             connection.execute(_RECORDS["participants"].insert(), [_values("participants", row)])
             for role, sha256 in (tokens or {}).items():
                 _insert(connection, _TOKENS, sha256=sha256, participant=participant, role=role, created_utc=utc)
-            for kind, value in (identities or {}).items():
-                _insert(connection, _IDENTITIES, participant=participant, kind=_text(kind), value=_text(value))
+            for name, value in (identities or {}).items():
+                _insert(connection, _IDENTITIES, participant=participant, kind=_text(name), value=_text(value))
         return self.session(participant)
 
     def session(self, participant: str) -> StoredSession:
@@ -362,14 +367,30 @@ class Store:
         with self._read() as connection:
             return {row.participant: row.value for row in connection.execute(query)}
 
-    def reject(self, participant: str, event: EventRow) -> None:
-        """Give a participant's counterbalancing cell out again; the data stay, with this event beside them."""
-        with self._write() as connection:
-            connection.execute(_SESSIONS.update().where(_SESSIONS.c.participant == participant).values(rejected=1))
-            _add(connection, "events", [event])
+    def reject(self, participant: str, event: EventRow) -> bool:
+        """Give a participant's counterbalancing cell out again; the data stay, with this event beside them.
 
-    def erase(self, participant: str, utc: str) -> None:
-        """Delete everything about a participant but the mark that there was one. Cannot be undone."""
+        False, and nothing written, when somebody else did it first or there is no such participant.
+        """
+        with self._write() as connection:
+            here = (_SESSIONS.c.participant == participant, _SESSIONS.c.rejected == 0)
+            if connection.execute(_SESSIONS.update().where(*here).values(rejected=1)).rowcount != 1:
+                return False
+            _add(connection, "events", [event])
+            return True
+
+    def erasures(self) -> tuple[tuple[str, str], ...]:
+        """As `Snapshot.erasures`."""
+        with self.snapshot() as recorded:
+            return recorded.erasures()
+
+    def erase(self, participant: str, utc: str) -> bool:
+        """Delete everything about a participant but the mark that there was one. Cannot be undone.
+
+        The rows are gone when this returns. True when the space they took is overwritten too; False when another
+        process was reading the database and its log could not be emptied: the next erasure, or the end of the lab,
+        does it.
+        """
         self.session(participant)
         with self._write() as connection:
             for table in reversed(_METADATA.sorted_tables):
@@ -378,9 +399,10 @@ class Store:
             _insert(connection, _ERASURES, participant=participant, utc=utc)
         with self._engine.connect() as connection:
             # Deleted pages are overwritten (secure_delete); the log still holds them until it is truncated.
-            connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql(
+            emptied = connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql(
                 "PRAGMA wal_checkpoint(TRUNCATE)"
             )
+            return int(emptied.one()[0]) == 0
 
     # ---- what happens in a session
 
@@ -501,10 +523,10 @@ class Store:
         with self._read() as connection:
             yield Snapshot(connection)
 
-    def rows(self, table: str, include_demo: bool = False) -> Iterator[Any]:
+    def rows(self, table: str, include_demo: bool = False, include_pilot: bool = False) -> Iterator[Any]:
         """As `Snapshot.rows`."""
         with self.snapshot() as recorded:
-            yield from recorded.rows(table, include_demo)
+            yield from recorded.rows(table, include_demo, include_pilot)
 
     def rows_of(self, table: str, participant: str, **equal: object) -> tuple[Any, ...]:
         """One participant's rows of a recorded table, where the named columns have these values."""
@@ -576,7 +598,7 @@ class Store:
     def _taken(self, connection: sql.Connection) -> dict[tuple[str, ...], int]:
         query = (
             sql.select(_SESSIONS.c.condition_order, sql.func.count())
-            .where(_SESSIONS.c.demo == 0, _SESSIONS.c.rejected == 0, _SESSIONS.c.state.not_in(_FREE_STATES))
+            .where(_SESSIONS.c.kind == "study", _SESSIONS.c.rejected == 0, _SESSIONS.c.state.not_in(_FREE_STATES))
             .group_by(_SESSIONS.c.condition_order)
         )
         return {tuple(order.split(ORDER_SEPARATOR)): count for order, count in connection.execute(query)}
@@ -590,7 +612,7 @@ class Store:
                     public_id=row.public_id,
                     session=from_json(row.session),
                     order=tuple(row.condition_order.split(ORDER_SEPARATOR)),
-                    demo=bool(row.demo),
+                    kind=row.kind,
                     pace=row.pace,
                     study_hash=row.study_hash,
                     seed=row.seed,
@@ -632,21 +654,18 @@ class Snapshot:
     def __init__(self, connection: sql.Connection) -> None:
         self._connection = connection
 
-    def rows(self, table: str, include_demo: bool = False) -> Iterator[Any]:
+    def rows(self, table: str, include_demo: bool = False, include_pilot: bool = False) -> Iterator[Any]:
         """The rows of a recorded table as their type, participant by participant in order of enrolment."""
-        query = _ordered(table)
-        if not include_demo:
-            query = query.where(_SESSIONS.c.demo == 0)
+        query = _ordered(table).where(_SESSIONS.c.kind.in_(_kinds(include_demo, include_pilot)))
         row_type = TABLES[table]
         for row in self._connection.execution_options(yield_per=1000).execute(query).mappings():
             yield row_type(**row)
 
-    def study_texts(self, include_demo: bool = False) -> dict[str, str]:
+    def study_texts(self, include_demo: bool = False, include_pilot: bool = False) -> dict[str, str]:
         """Hash to text of every study file that participants ran under, in order of first use."""
         first = sql.func.min(_SESSIONS.c.number)
         query = sql.select(_STUDIES.c.hash, _STUDIES.c.text).join(_SESSIONS).group_by(_STUDIES.c.hash).order_by(first)
-        if not include_demo:
-            query = query.where(_SESSIONS.c.demo == 0)
+        query = query.where(_SESSIONS.c.kind.in_(_kinds(include_demo, include_pilot)))
         return {row.hash: row.text for row in self._connection.execute(query)}
 
     def machines(self) -> tuple[dict[str, str], ...]:
@@ -660,11 +679,19 @@ class Snapshot:
         return tuple((row.participant, row.utc) for row in self._connection.execute(query))
 
 
+def _kinds(include_demo: bool, include_pilot: bool) -> tuple[Kind, ...]:
+    return ("study", *(("pilot",) if include_pilot else ()), *(("demo",) if include_demo else ()))
+
+
+def _kinds(include_demo: bool, include_pilot: bool) -> tuple[Kind, ...]:
+    return ("study", *(("pilot",) if include_pilot else ()), *(("demo",) if include_demo else ()))
+
+
 def _ordered(table: str) -> sql.Select[Any]:
     """The recorded columns, participants in order of enrolment, their rows by key or by arrival."""
     infos = columns(table)  # names the tables there are
     source = _RECORDS[table]
-    keys = [source.c[name] for name in _KEYS[table][1:]] if table in _KEYS else [source.c.row_id]
+    keys = [source.c[name] for name in KEYS[table][1:]] if table in KEYS else [source.c.row_id]
     joined = sql.select(*[source.c[info.name] for info in infos])
     joined = joined.join(_SESSIONS, _SESSIONS.c.participant == source.c.participant)
     return joined.order_by(_SESSIONS.c.number, *keys)
@@ -701,5 +728,5 @@ def _add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
 def _put(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     for row in rows:
         statement = insert_or_update(_RECORDS[table]).values(_values(table, row))
-        changed = {name: statement.excluded[name] for name, _ in _CASTS[table] if name not in _KEYS[table]}
-        connection.execute(statement.on_conflict_do_update(index_elements=list(_KEYS[table]), set_=changed))
+        changed = {name: statement.excluded[name] for name, _ in _CASTS[table] if name not in KEYS[table]}
+        connection.execute(statement.on_conflict_do_update(index_elements=list(KEYS[table]), set_=changed))

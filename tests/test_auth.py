@@ -22,6 +22,12 @@ EXPERIMENTERS_ROUTES = [
     ("GET", "/api/sessions"),
     ("GET", "/api/export"),
     ("POST", "/api/participants"),
+    ("GET", "/api/roster"),
+    ("POST", "/api/qr"),
+    ("POST", "/api/participants/{participant}/reject"),
+    ("POST", "/api/participants/{participant}/withdraw"),
+    ("POST", "/api/participants/{participant}/erase"),
+    ("POST", "/api/participants/{participant}/link"),
     ("POST", "/api/sessions/{participant}/pause"),
     ("POST", "/api/sessions/{participant}/resume"),
     ("POST", "/api/sessions/{participant}/abort"),
@@ -53,6 +59,30 @@ def test_tokens_of_any_text_can_be_compared() -> None:
     assert auth.same_token("é\x00", "é\x00")
     assert not auth.same_token("é", "e")
     assert not auth.same_token("", "e")
+
+
+def test_whoever_guesses_tokens_has_to_wait_and_nobody_else() -> None:
+    wrong = auth.WrongTokens(allowed=3, within_s=60.0, addresses=2)
+    assert [wrong.add("a", f"guess {n}", float(n)) for n in range(3)] == [0.0, 0.0, 0.0]
+    assert wrong.add("a", "guess 3", 10.0) == 50.0
+    assert wrong.add("a", "guess 2", 10.0) == 0.0  # a page left open with a stale token is not guessing
+    assert wrong.add("b", "guess 3", 10.0) == 0.0
+    assert wrong.add("a", "guess 4", 60.0) == 0.0  # the first guess is a minute ago
+    for number in range(100):
+        wrong.add(f"c{number}", "guess", 61.0)
+    assert len(wrong._tried) == 2
+
+
+def test_too_many_wrong_tokens_are_429_and_the_right_one_still_opens(start_lab: Callable[..., LabServer]) -> None:
+    lab = start_lab("--robot", "kinematic", "--no-scene")
+    with httpx.Client(base_url=lab.base_url, trust_env=False) as guesser:
+        answers = [
+            guesser.get("/api/sessions", headers={"Authorization": f"Bearer guess-{number}"}) for number in range(11)
+        ]
+        assert [answer.status_code for answer in answers] == [403] * 10 + [429]
+        assert 0 < int(answers[-1].headers["retry-after"]) <= 60
+        assert "try again in" in answers[-1].json()["detail"]
+        assert guesser.get("/api/sessions", headers=lab.headers).status_code == 200
 
 
 def test_every_route_is_either_open_or_asks_for_the_token(client: httpx.Client) -> None:
@@ -231,8 +261,9 @@ async def test_a_mail_scanner_that_follows_the_link_starts_nothing(quick_lab: La
     async with visit(made["link"]) as player:  # the link still works
         await player.page("consent")
     with stored(quick_lab) as store:
-        identities = store.identities(made["participant"])
-    assert ("user_agent_participant", "scanner/1.0") in identities  # apart from the record, never exported
+        identities = dict(store.identities(made["participant"]))
+    assert set(identities) == {"user_agent_participant"}  # of the page alone; apart from the record, never exported
+    assert "scanner" not in identities["user_agent_participant"]
 
 
 def test_pages_may_load_nothing_from_elsewhere(client: httpx.Client) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import io
 import json
 import zipfile
 from collections.abc import Iterator
@@ -33,7 +32,10 @@ from tests.study_samples import (
     trial_row,
 )
 
-FILES = {*(f"{table}.csv" for table in TABLES), "codebook.csv", "study.toml", "meta.json"}
+FILES = {
+    *(f"{table}.{extension}" for table in TABLES for extension in ("csv", "parquet")),
+    *("codebook.csv", "questionnaires.json", "study.toml", "meta.json", "datapackage.json", "SHA256SUMS"),
+}
 
 
 def fill(store: Store, public_id: str, **options: Any) -> str:
@@ -97,20 +99,28 @@ def test_the_same_data_give_the_same_bytes(store: Store, tmp_path: Path) -> None
     export(store, tmp_path / "one")
     export(store, tmp_path / "two")
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
-    assert export_zip(store) == export_zip(store)
-    with zipfile.ZipFile(io.BytesIO(export_zip(store))) as archive:
+    for name in ("one.zip", "two.zip", "two.zip"):  # an earlier archive is replaced
+        assert export_zip(store, tmp_path / "zips" / name)["ticks"] == 3
+    assert len(set(contents(tmp_path / "zips").values())) == 1
+    with zipfile.ZipFile(tmp_path / "zips" / "one.zip") as archive:
         assert {name: archive.read(name) for name in archive.namelist()} == contents(tmp_path / "one")
 
 
 def test_names_and_demo_participants_stay_in_the_lab(store: Store, tmp_path: Path) -> None:
     fill(store, "public-id-a", identities={"name": "Ada Lovelace"}, tokens={"participant": "ab" * 32})
-    demo = fill(store, "demo", demo=True)
+    demo = fill(store, "demo", kind="demo")
     export(store, tmp_path / "out")
     everything = b"".join(contents(tmp_path / "out").values())
     for hidden in (b"Lovelace", b"ab" * 32, b"public-id-a", f"\n{demo},".encode()):
         assert hidden not in everything
     export(store, tmp_path / "out", include_demo=True)
     assert [row.participant for row in read_table(tmp_path / "out", "participants")] == ["P001", demo]
+    pilot = fill(store, "pilot", kind="pilot")
+    export(store, tmp_path / "out")
+    assert [row.participant for row in read_table(tmp_path / "out", "participants")] == ["P001"]
+    export(store, tmp_path / "out", include_pilot=True)
+    people = read_table(tmp_path / "out", "participants")
+    assert [(row.participant, row.kind) for row in people] == [("P001", "study"), (pilot, "pilot")]
 
 
 def test_every_column_is_in_the_codebook(store: Store, tmp_path: Path) -> None:
@@ -147,6 +157,11 @@ def test_a_folder_with_something_else_in_it_is_left_alone(store: Store, tmp_path
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
     with pytest.raises(ExportError, match="cannot be written"):
         export(store, tmp_path / "thesis.tex" / "out")
+    with pytest.raises(ExportError, match="there already, and not an earlier export"):
+        export_zip(store, tmp_path / "thesis.tex")
+    with pytest.raises(ExportError, match="cannot be written"):
+        export_zip(store, tmp_path / "thesis.tex" / "out.zip")
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
 def test_an_earlier_export_is_replaced_and_notes_beside_it_are_kept(store: Store, tmp_path: Path) -> None:

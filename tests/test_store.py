@@ -57,13 +57,14 @@ def reopened(store: Store) -> Store:
 # ---- enrolment
 
 
-def test_participants_fill_the_orders_evenly_and_demos_take_no_cell(store: Store) -> None:
-    for number in range(18):
-        enrol(store, demo=number % 3 == 0)
-    real = [session for session in store.sessions() if not session.demo]
+def test_participants_fill_the_orders_evenly_and_pilots_and_demos_take_no_cell(store: Store) -> None:
+    for number in range(24):
+        enrol(store, kind=("demo", "study", "study", "pilot")[number % 4])
+    real = [session for session in store.sessions() if session.kind == "study"]
     assert Counter(session.order for session in real) == dict.fromkeys(orders(shipped_study()), 2)
-    assert len({session.participant for session in store.sessions()}) == 18
-    assert all(session.participant.startswith("D") == session.demo for session in store.sessions())
+    assert len({session.participant for session in store.sessions()}) == 24
+    letters = {session.kind: session.participant[0] for session in store.sessions()}
+    assert letters == {"study": "P", "pilot": "T", "demo": "D"}
 
 
 @pytest.mark.parametrize("leave", ["withdraw", "abort", "reject", "erase"])
@@ -71,7 +72,9 @@ def test_the_cell_of_whoever_leaves_is_given_out_again(store: Store, leave: str)
     first = enrol(store)
     assert enrol(store).order != first.order
     if leave == "reject":
-        store.reject(first.participant, event_row(first.participant, "rejected"))
+        assert store.reject(first.participant, event_row(first.participant, "rejected"))
+        assert not store.reject(first.participant, event_row(first.participant, "rejected"))  # once
+        assert [row.kind for row in store.rows("events")] == ["rejected"]
         assert store.session(first.participant).rejected
     elif leave == "erase":
         store.erase(first.participant, UTC)
@@ -213,11 +216,13 @@ def test_the_last_input_taken_into_account_is_known(store: Store) -> None:
     assert store.last_input_seq(who) == 57
 
 
-def test_demo_rows_are_read_only_when_asked_for(store: Store) -> None:
-    for demo in (True, False):
-        store.append_tick(tick_row(enrol(store, demo=demo).participant))
+def test_demo_and_pilot_rows_are_read_only_when_asked_for(store: Store) -> None:
+    for kind in ("demo", "study", "pilot"):
+        store.append_tick(tick_row(enrol(store, kind=kind).participant))
     assert [row.participant[0] for row in store.rows("ticks")] == ["P"]
     assert [row.participant[0] for row in store.rows("ticks", include_demo=True)] == ["D", "P"]
+    assert [row.participant[0] for row in store.rows("ticks", include_pilot=True)] == ["P", "T"]
+    assert [row.kind for row in store.rows("participants", True, True)] == ["demo", "study", "pilot"]
     with pytest.raises(StudyError, match="tables are"):
         list(store.rows("identities"))
 
@@ -228,7 +233,7 @@ def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
     stays = enrol(store).participant
     for who in (gone, stays):
         store.commit(ticks=[tick_row(who)], answers=[answer_row(who, "comments", secret)] if who == gone else [])
-    store.erase(gone, UTC)
+    assert store.erase(gone, UTC)
     assert [row.participant for table in TABLES for row in store.rows(table)] == [stays, stays]
     assert store.participant_for_token("a" * 64) is None
     with store.snapshot() as recorded:

@@ -1,0 +1,273 @@
+"""The HTTP API of the roster: who is enrolled, counterbalancing, links and QR codes; reject, withdraw, erase."""
+
+from __future__ import annotations
+
+import io
+from typing import Annotated, Literal
+
+import segno
+from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi.responses import Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api import Experimenter, ExperimenterRoute, TheLab
+from app.lab import Lab, NoSuchParticipant
+from study import roster
+from study.protocol import Event, IllegalEvent
+from study.roster import ACTS, Act, Enrolled
+from study.store import Store, StoredSession
+
+PAGE = 50
+"""Lines of the roster sent at once, unless asked otherwise."""
+
+router = APIRouter(prefix="/api", tags=["roster"], route_class=ExperimenterRoute)
+
+Show = Literal[
+    "all", "study", "pilot", "demo", "erased", "waiting", "under_way", "done", "rejected", "withdrawn", "aborted"
+]
+Reason = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+
+
+class _Body(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class CellReply(BaseModel):
+    """Who holds a cell, and how far it is filled."""
+
+    participant: str
+    cell: Literal["waiting", "under_way", "done"]
+
+
+class GridReply(BaseModel):
+    """One order of the conditions. The next participant gets the order marked `next`."""
+
+    order: list[str]
+    next: bool
+    cells: list[CellReply]
+
+
+class RosterLine(BaseModel):
+    """One participant. `why_not` says for every act why it is not possible, "" where it is."""
+
+    participant: str
+    label: str | None
+    kind: str
+    state: str
+    order: list[str]
+    rejected: bool
+    erased_utc: str | None
+    created_utc: str | None
+    why_not: dict[str, str]
+
+
+class RosterReply(BaseModel):
+    """One page of the roster, newest first, beside the whole grid."""
+
+    title: str
+    withdrawal: Literal["keep", "erase"]
+    """What the consent text says becomes of the data of somebody who withdraws."""
+    grid: list[GridReply]
+    counts: dict[str, int]
+    total: int
+    offset: int
+    lines: list[RosterLine]
+
+
+class RejectRequest(_Body):
+    """Why the data cannot be used."""
+
+    reason: Reason
+
+
+class WithdrawRequest(_Body):
+    """Somebody's wish to stop. `keep` says whether what was recorded stays; if left out, the study file decides."""
+
+    reason: Annotated[str, Field(max_length=1000)] | None = None
+    keep: bool | None = None
+
+
+class EraseRequest(_Body):
+    """The id once more, so that nobody is erased by a slip."""
+
+    confirm: str
+
+
+class EraseReply(BaseModel):
+    """What became of it."""
+
+    participant: str
+    overwritten: bool
+    """Whether the space is overwritten already. If not, another process was reading; the next erasure does it."""
+
+
+class LinkReply(BaseModel):
+    """A link that carries a token; it cannot be shown again."""
+
+    participant: str
+    link: str
+
+
+class QrRequest(_Body):
+    """A link of this lab. It travels in the body: addresses end up in logs."""
+
+    link: Annotated[str, Field(min_length=1, max_length=500)]
+
+
+def enrolment(store: Store) -> tuple[tuple[StoredSession, ...], dict[str, str], tuple[tuple[str, str], ...]]:
+    """Everybody, their labels and the marks of those erased: as many queries for a thousand as for one."""
+    return store.sessions(), store.labels(), store.erasures()
+
+
+def _enrolled(lab: Lab, stored: StoredSession) -> Enrolled:
+    live = lab.live_session(stored.participant)
+    session = live.session if live else stored.session
+    return Enrolled(stored.participant, stored.kind, session.state, stored.order, stored.rejected)
+
+
+async def _one(lab: Lab, participant: str) -> Enrolled:
+    try:
+        return _enrolled(lab, await lab.stored_session(participant))
+    except NoSuchParticipant as error:
+        raise HTTPException(404, str(error)) from None
+
+
+async def _may(lab: Lab, act: Act, participant: str) -> None:
+    why = roster.why_not(act, await _one(lab, participant))
+    if why:
+        raise HTTPException(409, f"{participant}: {why}")
+
+
+@router.get("/roster")
+async def read_roster(
+    lab: TheLab,
+    who: Experimenter,
+    offset: Annotated[int, Field(ge=0)] = 0,
+    limit: Annotated[int, Field(ge=1, le=500)] = PAGE,
+    show: Show = "all",
+    search: Annotated[str, Field(max_length=200)] = "",
+) -> RosterReply:
+    """One page of everybody ever enrolled, erased ones as a mark, and how the counterbalancing is filled."""
+    stored, labels, erasures = await lab.store.run(enrolment)
+    people = {one.participant: (_enrolled(lab, one), one) for one in stored}
+    lines = [
+        RosterLine(
+            participant=name,
+            label=labels.get(name),
+            kind=one.kind,
+            state=one.state,
+            order=list(one.order),
+            rejected=one.rejected,
+            erased_utc=None,
+            created_utc=session.created_utc,
+            why_not={act: roster.why_not(act, one) for act in ACTS},
+        )
+        for name, (one, session) in people.items()
+        if roster.matches(one, labels.get(name), show, search)
+    ]
+    if show in ("all", "erased"):
+        lines += [_mark(name, utc) for name, utc in erasures if search.strip().lower() in name.lower()]
+    lines.sort(key=lambda line: (int(line.participant[1:]), line.participant), reverse=True)
+    everyone = [one for one, _ in people.values()]
+    study = lab.setup.study
+    return RosterReply(
+        title=study.title,
+        withdrawal=study.consent.on_withdrawal,
+        grid=[
+            GridReply(
+                order=list(row.order),
+                next=row.is_next,
+                cells=[CellReply(participant=name, cell=cell) for name, cell in row.cells],
+            )
+            for row in roster.grid(study, everyone)
+        ],
+        counts={
+            **roster.counts(everyone),
+            "pilot": sum(one.kind == "pilot" for one in everyone),
+            "demo": sum(one.kind == "demo" for one in everyone),
+            "erased": len(erasures),
+        },
+        total=len(lines),
+        offset=offset,
+        lines=lines[offset : offset + limit],
+    )
+
+
+def _mark(participant: str, utc: str) -> RosterLine:
+    gone = "Erased: nothing is left but this mark."
+    return RosterLine(
+        participant=participant,
+        label=None,
+        kind="erased",
+        state="erased",
+        order=[],
+        rejected=False,
+        erased_utc=utc,
+        created_utc=None,
+        why_not=dict.fromkeys(ACTS, gone),
+    )
+
+
+@router.post("/participants/{participant}/reject")
+async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    """Give the cell of a completed session out again because its data cannot be used. The data stay, marked."""
+    await _may(lab, "reject", participant)
+    if not await lab.reject(participant, body.reason.strip(), who):
+        raise HTTPException(409, f"{participant}: Rejected already.")
+    return {"participant": participant, "state": "rejected"}
+
+
+@router.post("/participants/{participant}/withdraw")
+async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    """End the session at the participant's wish; their data stay or are erased, as asked or as the consent says."""
+    await _may(lab, "withdraw", participant)
+    keep = body.keep if body.keep is not None else lab.setup.study.consent.on_withdrawal == "keep"
+    reason = (body.reason or "").strip() or None
+    try:
+        await lab.command(participant, Event("withdraw", reason), who)
+        if not keep:
+            await lab.erase(participant)
+    except IllegalEvent as error:
+        raise HTTPException(409, str(error)) from None
+    except NoSuchParticipant as error:
+        raise HTTPException(404, str(error)) from None
+    return {"participant": participant, "state": "withdrawn" if keep else "erased"}
+
+
+@router.post("/participants/{participant}/erase")
+async def erase(participant: str, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
+    """Delete everything about a participant for good; a session that is live ends first. A mark without content stays.
+
+    Exports made before and backups are not reached from here.
+    """
+    await _may(lab, "erase", participant)
+    if body.confirm != participant:
+        raise HTTPException(422, f"confirm: must be the id, {participant}, to erase this participant")
+    try:
+        return EraseReply(participant=participant, overwritten=await lab.erase(participant))
+    except NoSuchParticipant as error:
+        raise HTTPException(404, str(error)) from None
+
+
+@router.post("/participants/{participant}/link", status_code=201)
+async def new_link(participant: str, lab: TheLab, who: Experimenter) -> LinkReply:
+    """Another link to the same participant's page, for one that was lost. Earlier links go on working."""
+    await _may(lab, "new_link", participant)
+    return LinkReply(participant=participant, link=await lab.new_link(participant))
+
+
+@router.post("/qr")
+async def qr_code(body: QrRequest, lab: TheLab, who: Experimenter) -> Response:
+    """A link of this lab as a QR code (SVG)."""
+    if not body.link.startswith(f"{lab.base_url}/"):
+        raise HTTPException(422, f"link: must begin with {lab.base_url}/")
+    picture = io.BytesIO()
+    segno.make(body.link, error="m", micro=False).save(
+        picture, kind="svg", scale=8, border=4, dark="#000", light="#fff", xmldecl=False, svgclass=None, lineclass=None
+    )
+    return Response(picture.getvalue(), media_type="image/svg+xml")
+
+
+def add_roster_api(app: FastAPI) -> None:
+    """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.include_router(router)

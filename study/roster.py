@@ -1,0 +1,99 @@
+"""Who is enrolled, as the experimenter sees it: the counterbalancing as a filled grid, and what may be done to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from study.design import Study, next_order, orders
+
+Kind = Literal["study", "pilot", "demo"]
+Act = Literal["reject", "withdraw", "erase", "new_link"]
+Cell = Literal["waiting", "under_way", "done"]
+ACTS: tuple[Act, ...] = ("reject", "withdraw", "erase", "new_link")
+
+OVER = frozenset({"done", "withdrawn", "aborted"})
+FREE = frozenset({"withdrawn", "aborted"})
+"""States in which a cell is given out again."""
+
+
+@dataclass(frozen=True)
+class Enrolled:
+    """One participant, as far as counterbalancing and the buttons are concerned."""
+
+    participant: str
+    kind: Kind
+    state: str
+    order: tuple[str, ...]
+    rejected: bool
+
+    @property
+    def holds_cell(self) -> bool:
+        """Whether this participant counts in the counterbalancing."""
+        return self.kind == "study" and not self.rejected and self.state not in FREE
+
+    @property
+    def cell(self) -> Cell:
+        """How far the cell is filled."""
+        if self.state == "done":
+            return "done"
+        return "waiting" if self.state == "consent" else "under_way"
+
+
+@dataclass(frozen=True)
+class GridRow:
+    """One order of the conditions and who holds its cells, in order of enrolment."""
+
+    order: tuple[str, ...]
+    cells: tuple[tuple[str, Cell], ...]
+    is_next: bool
+
+
+def grid(study: Study, everyone: Iterable[Enrolled]) -> tuple[GridRow, ...]:
+    """Every order with its participants; the next one to be given out is marked.
+
+    Orders of an earlier study file in the same data folder that this study does not have are left out.
+    """
+    held: dict[tuple[str, ...], list[tuple[str, Cell]]] = {order: [] for order in orders(study)}
+    for one in everyone:
+        if one.holds_cell and one.order in held:
+            held[one.order].append((one.participant, one.cell))
+    following = next_order(study, {order: len(cells) for order, cells in held.items()})
+    return tuple(GridRow(order, tuple(cells), order == following) for order, cells in held.items())
+
+
+def why_not(act: Act, one: Enrolled) -> str:
+    """Why this cannot be done now, or "" when it can."""
+    if act == "reject":
+        if one.kind != "study":
+            return f"A {one.kind} participant holds no cell that could be given out again."
+        if one.rejected:
+            return "Rejected already."
+        if one.state in FREE:
+            return f"Already {one.state}: the cell is free."
+        if one.state != "done":
+            return "The session is not over. Abort or withdraw it: that frees the cell too."
+    if act == "withdraw" and one.state in OVER:
+        return "The session is over. To remove what was recorded, erase it."
+    if act == "new_link" and one.state in OVER:
+        return "The session is over."
+    return ""
+
+
+def counts(everyone: Iterable[Enrolled]) -> Mapping[str, int]:
+    """Participants of the study by what became of them: waiting, under_way, done, rejected, withdrawn, aborted."""
+    found = dict.fromkeys(("waiting", "under_way", "done", "rejected", "withdrawn", "aborted"), 0)
+    for one in everyone:
+        if one.kind == "study":
+            found["rejected" if one.rejected else one.state if one.state in FREE else one.cell] += 1
+    return found
+
+
+def matches(one: Enrolled, label: str | None, show: str, search: str) -> bool:
+    """Whether a line belongs in a filtered roster. `show` is all, a kind, or one of the counted groups."""
+    group = "rejected" if one.rejected else one.state if one.state in FREE else one.cell
+    if show not in ("all", one.kind, group):
+        return False
+    wanted = search.strip().lower()
+    return not wanted or wanted in one.participant.lower() or wanted in (label or "").lower()
