@@ -86,6 +86,7 @@ class SessionReply(BaseModel):
     order: list[str]
     pace: str
     connected: bool
+    panel_connected: bool
     held: bool
     help_wanted: bool
     done_tasks: int | None
@@ -284,6 +285,7 @@ def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Sessio
         order=list(stored.order),
         pace=stored.pace,
         connected=live.connected if live else False,
+        panel_connected=live.panel_connected if live else False,
         held=live.held if live else False,
         help_wanted=live.vitals.help_wanted if live else False,
         done_tasks=view.done_tasks if view else None,

@@ -45,6 +45,11 @@ class Audience:
         """The participant's page."""
         return self._clients["participant"]
 
+    @property
+    def panel(self) -> Client | None:
+        """The second device's page."""
+        return self._clients["panel"]
+
     def end(self) -> None:
         """Close every connection."""
         for client in self._clients.values():
@@ -74,10 +79,9 @@ class Audience:
     # ---- to everybody it concerns -------------------------------------------------------------------------------
 
     def show_page(self, page: Page, session: Session) -> None:
-        """The participant's page, and the panel's when the session is over."""
+        """The participant's page, and what the second device is to do."""
         self._tell("participant", page)
-        if session.is_over:
-            self._tell("panel", panel_page(session))
+        self._tell("panel", panel_page(session))
 
     def show_status(self, status: Status | None) -> None:
         """Whether ticks run, to both pages."""
@@ -138,5 +142,10 @@ def refuse(client: Client, code: str, field: str | None, text: str, identifier: 
 
 
 def panel_page(session: Session) -> Page:
-    """The second device's page."""
-    return pages.Page(state="over" if session.is_over else "waiting", trial=None, trials=session.trials, content={})
+    """The second device's page: `trial` while readings may come, `paused`, `waiting`, or `over`."""
+    state = "waiting"
+    if session.is_over:
+        state = "over"
+    elif session.place == "trial":
+        state = session.state
+    return pages.Page(state=state, trial=None, trials=session.trials, content={})

@@ -18,7 +18,7 @@ from app.session import OVERRUN_MS, LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
-from app.workers import WorkerProcess, worker_context
+from app.workers import WorkerProcess, warm_up, worker_context
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
@@ -88,6 +88,8 @@ class Lab:
         )
         self._setup = self._setups[study.hash] = study_setup(study)
         self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
+
+        warm_up(self._workers)
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
@@ -333,6 +335,7 @@ class Lab:
         while True:
             await asyncio.sleep(PROBE_EVERY_S)
             for session in self._live.values():
+                session.check_worker()
                 if session.connected:
                     session.probe()
 

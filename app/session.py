@@ -49,6 +49,8 @@ log = logging.getLogger(__name__)
 
 Source = Literal["participant", "experimenter", "lab", "robot"]
 OVERRUN_MS = 50.0
+HUNG_AFTER_S = 5.0
+"""A worker that reports nothing for this long, while its page is heard, is replaced."""
 MAX_SEQ_STEP = 1_000_000
 """Inputs may be numbered with gaps, but one number must not use up all that come after it."""
 
@@ -95,6 +97,7 @@ class LiveSession:
         self._worker_epoch = 0
         self._worker_ready = False
         self._restarts = 0
+        self._heard_s = self._heard_since_s = self._reported_s = 0.0
         self._queue: asyncio.Queue[_Work] = asyncio.Queue()
         self._task: asyncio.Task[None] | None = None
         self._ping = 0
@@ -153,6 +156,11 @@ class LiveSession:
     def connected(self) -> bool:
         """Whether the participant's page is connected."""
         return self._audience.participant is not None
+
+    @property
+    def panel_connected(self) -> bool:
+        """Whether the second device is connected."""
+        return self._audience.panel is not None
 
     # ---- the queue ----------------------------------------------------------------------------------------------
 
@@ -226,6 +234,8 @@ class LiveSession:
     # ---- hands --------------------------------------------------------------------------------------------------
 
     def _on_hands(self, client: Client, message: Input | Heartbeat) -> None:
+        if self._audience.holds(client):
+            self._heard()
         if client.role != "participant":
             refuse(client, "illegal", "type", "the second device does not drive the robot")
         elif not self._audience.holds(client):
@@ -341,6 +351,9 @@ class LiveSession:
             await self._commit(submission=message.id, events=events)
             acknowledge(client, message.id)
             return
+        if message.step == "start" and self.session.state == "trial_ready" and self._lacks_panel():
+            text = "The second device is not connected. Open its link there first, and press its button."
+            raise Refused("illegal", ("panel", text))
         if message.step == "start" and self.session.worker and not self._worker_ready:
             raise Refused("illegal", ("step", "the robot is not ready yet"))
         await self._advance(
@@ -351,6 +364,11 @@ class LiveSession:
             consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
             on_disk=lambda: acknowledge(client, message.id),
         )
+
+    def _lacks_panel(self) -> bool:
+        """Whether readings would appear on a second device that nobody has opened."""
+        distractor = self._around.study.distractor
+        return distractor.enabled and distractor.placement == "second_device" and not self.panel_connected
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
         placement = self._around.study.distractor.placement
@@ -393,6 +411,7 @@ class LiveSession:
 
     async def _on_report(self, work: _Work) -> None:
         epoch, report = work.payload
+        self._reported_s = self._around.now_unix_s()
         if epoch != self._worker_epoch or (isinstance(report, Ticked) and not self._worker_ready):
             return  # of a worker that has been stopped, or is being replaced
         if isinstance(report, Ready):
@@ -405,6 +424,8 @@ class LiveSession:
                 self._tick, self._trial_s, self._distractor, self.view, self._world = before
                 raise
         elif isinstance(report, HoldChanged):
+            if not self.session.is_ticking:
+                return  # of the moment before a pause, which says more
             self.held = report.held
             kind = "robot_held" if report.held else "robot_released"
             await self._commit(events=(self._event(kind, "lab", {}),))
@@ -490,7 +511,7 @@ class LiveSession:
     async def _on_worker_exit(self, work: _Work) -> None:
         if work.payload != self._worker_epoch or self._worker is None:
             return
-        self._worker, self._worker_ready, self.scene_port = None, False, None
+        self._worker, self._worker_ready, self.scene_port, self.held = None, False, None, False
         self._restarts += 1
         event = self._event("worker_lost", "lab", {"restarts": self._restarts})
         needed = self.session.worker
@@ -500,6 +521,24 @@ class LiveSession:
         await self._commit(events=(event,))
         self._audience.show_status(self._status())
         await self._start_worker(*needed)
+
+    def check_worker(self) -> None:
+        """End a worker that has gone silent while its page has not: it hangs, and another takes over from the log."""
+        if not (self.session.is_ticking and self._worker_ready and self.enrolment.pace == "real_time"):
+            return
+        now_s = self._around.now_unix_s()
+        page_is_there = now_s - self._heard_s <= HUNG_AFTER_S / 2
+        if page_is_there and now_s - max(self._reported_s, self._heard_since_s) > HUNG_AFTER_S and self._worker:
+            log.error("session %s: the worker hangs and is ended", self.enrolment.participant)
+            self._reported_s = now_s
+            self._worker.kill()
+
+    def _heard(self) -> None:
+        """The page said something about the hands; silence before starts a new stretch of being heard."""
+        now_s = self._around.now_unix_s()
+        if now_s - self._heard_s > HUNG_AFTER_S / 2:
+            self._heard_since_s = now_s
+        self._heard_s = now_s
 
     async def _start_worker(self, kind: WorkerKind, trial: int) -> None:
         self._worker_epoch += 1
@@ -539,7 +578,7 @@ class LiveSession:
         before = self.session
         after, effects = protocol.advance(before, event, self._around.now_unix_s())
         if after != before:
-            data = {"event": event.name, "from": before.state, "to": after.state, "reason": event.reason}
+            data = {"event": event.name, "from": before.state, "to": after.state}
             events = (*events, self._event("state", "lab", data))
         if after.is_over:
             rows["finished_utc"] = self._around.now_utc()
