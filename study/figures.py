@@ -181,6 +181,9 @@ def goals_figure(analysis: Analysis) -> Picture:
         axes = np.atleast_1d(figure.subplots(1, len(conditions), sharey=True))
         for ax, trend in zip(axes, analysis.trends, strict=True):
             _draw_trend(ax, trend, [item for item in found if item.condition == trend.condition], counts)
+        people = [mean for count in counts for mean in _all_means([o for o in found if o.goals == count])] or [0.0]
+        low, high = min(0.0, *people), max(0.0, *people)
+        axes[0].set_ylim(low - 0.08 * (high - low or 1.0), high + 0.16 * (high - low or 1.0))
         axes[0].set_ylabel(_axis_label("belief_gain"))
         svg, png = _rendered(figure)
     return Picture(
@@ -188,7 +191,8 @@ def goals_figure(analysis: Analysis) -> Picture:
         "Belief gain by number of candidate goals",
         "Belief accuracy gain after windows with entropy above 0.7, by the number of candidate goals of the task. "
         "Small marks: participants' means; large marks: mean of these with its 95 % confidence interval (none where "
-        "fewer than two participants have windows); n counts windows. After the paper's Fig. 4.",
+        "fewer than two participants have windows; it may leave the panel where they are few); n counts windows. "
+        "After the paper's Fig. 4.",
         svg,
         png,
     )
@@ -386,13 +390,14 @@ def _draw_trend(ax: Axes, trend: GoalTrend, found: Sequence[Observation], counts
             ha="center",
             va="top",
             fontsize=5.5,
+            bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
+            zorder=5,
         )
     if means:
         ax.plot(*zip(*means, strict=True), color=look.colour, lw=0.9, zorder=2.5)
     ax.axhline(0.0, color="#999999", lw=0.4, ls=(0, (4, 3)), zorder=0)
     ax.set_xticks(counts)
     ax.set_xlabel("candidate goals")
-    ax.margins(y=0.14)
     _title(ax, look.letter, look.name)
 
 
@@ -401,6 +406,10 @@ def _person_means(observations: Iterable[Observation]) -> dict[str, dict[str, fl
     for item in observations:
         cells.setdefault(item.participant, {}).setdefault(item.condition, []).append(item.value)
     return {name: {key: math.fsum(of) / len(of) for key, of in by.items()} for name, by in cells.items()}
+
+
+def _all_means(observations: Iterable[Observation]) -> list[float]:
+    return [mean for of in _person_means(observations).values() for mean in of.values()]
 
 
 def _confidence(values: Sequence[float]) -> float | None:
