@@ -142,10 +142,7 @@ def refuse(client: Client, code: str, field: str | None, text: str, identifier: 
 
 
 def panel_page(session: Session) -> Page:
-    """The second device's page: `trial` while readings may come, `paused`, `waiting`, or `over`."""
-    state = "waiting"
-    if session.is_over:
-        state = "over"
-    elif session.place == "trial":
-        state = session.state
+    """The second device's page: `trial` while readings may come, `paused`, `waiting`, or how the session ended."""
+    live = session.state if session.place == "trial" else "waiting"
+    state = session.state if session.is_over else live
     return pages.Page(state=state, trial=None, trials=session.trials, content={})

@@ -348,7 +348,7 @@ class LiveSession:
         if message.step == "help":
             self.vitals.help_wanted = True
         if outcome.event is None:
-            await self._commit(submission=message.id, events=events)
+            await self._commit(submission=message.id, events=events, private=outcome.private)
             acknowledge(client, message.id)
             return
         if message.step == "start" and self.session.state == "trial_ready" and self._lacks_panel():
@@ -361,6 +361,7 @@ class LiveSession:
             events=events,
             submission=message.id,
             answers=outcome.answers,
+            private=outcome.private,
             consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
             on_disk=lambda: acknowledge(client, message.id),
         )
@@ -625,6 +626,7 @@ class LiveSession:
         cycle: CycleStart | None = None,
         submission: str | None = None,
         response: Mapping[str, Any] | None = None,
+        private: Iterable[tuple[str, str]] = (),
         **rows: Any,
     ) -> None:
         """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
@@ -637,9 +639,10 @@ class LiveSession:
         alert_rows = [self._distractor.row(alert, participant, condition, trial) for alert in found if alert]
         practice = bool(rows.get("practice_ticks"))
         cycles = [Cycle(participant, trial, practice, cycle.cycle, cycle_to_json(cycle))] if cycle else []
+        apart = [(participant, kind, text) for kind, text in private]
         sent = (participant, submission, dict(response or {})) if submission else None
         await self._around.store.run(
-            lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, **rows)
+            lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
         )
 
     def _event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:

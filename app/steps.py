@@ -51,6 +51,8 @@ class Outcome:
     answers: tuple[SurveyAnswerRow, ...] = ()
     consent_hash: str | None = None
     log: Mapping[str, Any] | None = None
+    private: tuple[tuple[str, str], ...] = ()
+    """(kind, words) that may identify somebody: kept apart, never exported."""
 
 
 @dataclass(frozen=True)
@@ -192,11 +194,17 @@ def _debrief(context: StepContext, data: Mapping[str, Any]) -> Outcome:
 
 
 def _withdraw(context: StepContext, data: Mapping[str, Any]) -> Outcome:
-    return Outcome(Event("withdraw", parse(ReasonData, data).reason))
+    reason = parse(ReasonData, data).reason
+    return Outcome(Event("withdraw"), log={"has_reason": bool(reason)}, private=_words("withdraw_reason", reason))
 
 
 def _help(context: StepContext, data: Mapping[str, Any]) -> Outcome:
-    return Outcome(log=parse(HelpData, data).model_dump())
+    text = parse(HelpData, data).text
+    return Outcome(log={"has_text": bool(text)}, private=_words("help", text))
+
+
+def _words(kind: str, text: str | None) -> tuple[tuple[str, str], ...]:
+    return ((kind, text),) if text else ()
 
 
 def _plain(event: Literal["start", "continue", "resume"]) -> Callable[[StepContext, Mapping[str, Any]], Outcome]:

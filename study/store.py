@@ -421,12 +421,14 @@ class Store:
         consent: tuple[str, str] | None = None,
         finished_utc: str | None = None,
         submission: tuple[str, str, Mapping[str, Any]] | None = None,
+        identities: Iterable[tuple[str, str, str]] = (),
     ) -> bool:
         """Write all of this or nothing, on disk at return.
 
         Trials, tasks, alerts and cycles replace an earlier row of the same key; ticks, answers and events are only
         ever added. `consent` is (utc, hash), with `session`. `submission` is (participant, message id, response):
-        when that id was answered before, nothing at all is written and the result is False.
+        when that id was answered before, nothing at all is written and the result is False. `identities` are
+        (participant, kind, text): words that may identify somebody, which no export holds.
         """
         with self._write() as connection:
             if submission is not None:
@@ -440,6 +442,8 @@ class Store:
                     message_id=message_id,
                     response=json.dumps(response),
                 )
+            for person, kind, value in identities:
+                _insert(connection, _IDENTITIES, participant=person, kind=kind, value=value)
             if session is not None:
                 self._save_session(connection, session, consent, finished_utc)
             _add(connection, "ticks", ticks)
