@@ -264,10 +264,11 @@ async def sessions(lab: TheLab, who: Experimenter) -> list[SessionReply]:
     """Every session, demo included, in order of enrolment."""
     stored = await lab.stored_sessions()
     labels = await lab.store.run(lambda store: store.labels())
-    return [_session_reply(lab, item, labels.get(item.participant)) for item in stored]
+    return [session_reply(lab, item, labels.get(item.participant)) for item in stored]
 
 
-def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
+def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
+    """What the experimenter sees of one session."""
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session
     view = live.view if live else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app import pages
-from app.messages import Ack, Alert, AlertClosed, Error, Message, Page, Status, Superseded, Welcome, World
+from app.messages import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
 from app.surroundings import Client, Enrolment, Role, Surroundings
 from sim.interface import TICK_S
 from study.distractor import Alert as Reading
@@ -98,6 +98,10 @@ class Audience:
     def show_tick(self, tick: Message) -> None:
         """A committed tick."""
         self._tell("participant", tick)
+
+    def show_notice(self, text: str) -> None:
+        """A line from the experimenter."""
+        self._tell("participant", Notice(text=text))
 
     def show_reading(self, reading: Reading | None, distractor: DistractorState, trial_s: float) -> None:
         """A reading, open or closed, to the page the study puts it on."""

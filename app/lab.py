@@ -6,7 +6,8 @@ import asyncio
 import json
 import secrets
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,6 +15,8 @@ from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
+from app.recent import KEPT_EVENTS
+from app.remarks import Remark
 from app.session import OVERRUN_MS, LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
@@ -71,6 +74,7 @@ class Lab:
         self._live: dict[str, LiveSession] = {}
         self._opening: dict[str, asyncio.Lock] = {}
         self._probe: asyncio.Task[None] | None = None
+        self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
 
     # ---- life ---------------------------------------------------------------------------------------------------
@@ -180,6 +184,7 @@ class Lab:
                 identities=identities,
             )
         )
+        self.changed(stored.participant)
         return Invitation(stored.participant, stored.public_id, tokens["participant"], tokens["panel"])
 
     async def note_identity(self, participant: str, kind: str, value: str) -> None:
@@ -230,6 +235,29 @@ class Lab:
         """Everyone, as stored."""
         return await self.store.run(lambda store: store.sessions())
 
+    # ---- who looks on -------------------------------------------------------------------------------------------
+
+    def now_unix_s(self) -> float:
+        """The time, by the lab's clock."""
+        return self._now_unix_s()
+
+    @contextmanager
+    def watching(self, watcher: Callable[[str], None]) -> Iterator[None]:
+        """Have `watcher(participant)` called whenever something about a participant may have changed.
+
+        It must neither block nor raise: it is called in between two pieces of a session's work.
+        """
+        self._watchers.append(watcher)
+        try:
+            yield
+        finally:
+            self._watchers.remove(watcher)
+
+    def changed(self, participant: str) -> None:
+        """Tell those who look on."""
+        for watcher in self._watchers:
+            watcher(participant)
+
     # ---- live sessions ------------------------------------------------------------------------------------------
 
     def live_session(self, participant: str) -> LiveSession | None:
@@ -245,6 +273,7 @@ class Lab:
                 session = await self._bring_up(fresh)
                 await session.open()
                 self._live[participant] = session
+                self.changed(participant)
         return self._live[participant]
 
     async def command(self, participant: str, event: Event, by: str) -> LiveSession:
@@ -254,6 +283,12 @@ class Lab:
         """
         session = await self.session(await self.stored_session(participant))
         await session.command(event, by)
+        return session
+
+    async def remark(self, participant: str, remark: Remark, by: str) -> LiveSession:
+        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.remarks.NotNow`."""
+        session = await self.session(await self.stored_session(participant))
+        await session.remark(remark, by)
         return session
 
     async def stored_session(self, participant: str) -> StoredSession:
@@ -278,6 +313,7 @@ class Lab:
             make_spec=lambda kind, trial: self._worker_spec(enrolment, setup, kind, trial),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             now_unix_s=self._now_unix_s,
+            changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
         )
         return LiveSession(enrolment, stored.session, resumed, around)
@@ -346,11 +382,15 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
     table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
     rows = store.rows_of(table, participant, trial=session.trial) if session.worker else ()
     alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
+    events: tuple[EventRow, ...] = store.rows_of("events", participant)
+    setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
     return Resumed(
         distractor=from_rows(study.distractor, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
+        sound=setups[-1].get("sound") if setups else None,
+        events=events[-KEPT_EVENTS:],
     )
 
 

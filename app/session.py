@@ -23,9 +23,12 @@ from app.audience import Audience, acknowledge, panel_page, refuse
 from app.cycles import cycle_to_json
 from app.messages import Heartbeat, Input, Instruction, Message, Note, Ping, Pong, Status, Submit, View, World
 from app.pages import PageContext
+from app.recent import Recent
+from app.remarks import Remark, refuse_unless
 from app.steps import STEPS, AlertData, Refused, StepContext, parse
 from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals, WorkerHandle, utc_text
 from app.trial import CycleStart, TrialView
+from app.trial_values import TrialSetup
 from app.worker_messages import (
     Begin,
     Failed,
@@ -59,7 +62,7 @@ MAX_SEQ_STEP = 1_000_000
 class _Work:
     """One thing in the queue, with somebody waiting for it, perhaps."""
 
-    kind: Literal["attach", "detach", "message", "report", "exit", "command", "ping"]
+    kind: Literal["attach", "detach", "message", "report", "exit", "command", "remark", "ping"]
     payload: Any = None
     client: Client | None = None
     done: asyncio.Future[None] | None = field(default=None, repr=False)
@@ -75,15 +78,19 @@ class LiveSession:
         view: the trial as it stands, if one is under way.
         held: whether the robot waits for the page's heartbeat.
         scene_port: port of the session's viser server on loopback, while a worker with a scene is up.
+        recent: its last ticks and events, for those who look on.
+        setup: what the phase's worker was started with, while there is one.
     """
 
     def __init__(self, enrolment: Enrolment, session: Session, resumed: Resumed, around: Surroundings) -> None:
         self.enrolment = enrolment
         self.session = session
-        self.vitals = Vitals(overruns=resumed.overruns)
+        self.vitals = Vitals(overruns=resumed.overruns, sound=resumed.sound)
         self.view: TrialView | None = None
         self.held = False
         self.scene_port: int | None = None
+        self.recent = Recent(resumed.events)
+        self.setup: TrialSetup | None = None
         self._around = around
         self._audience = Audience(enrolment, around)
         self._distractor = resumed.distractor
@@ -148,9 +155,25 @@ class LiveSession:
         self._queue.put_nowait(_Work("command", (event, by), done=done))
         await done
 
+    async def remark(self, remark: Remark, by: str) -> None:
+        """An experimenter's note, mark or message. Raises `app.remarks.NotNow`."""
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._queue.put_nowait(_Work("remark", (remark, by), done=done))
+        await done
+
     def probe(self) -> None:
         """Ask the page for a sign of life, to measure the round trip."""
         self._queue.put_nowait(_Work("ping"))
+
+    @property
+    def trial_s(self) -> float | None:
+        """Trial time at the end of the last tick; None when no worker is needed."""
+        return self._trial_s if self.session.worker else None
+
+    @property
+    def labels(self) -> pages.Labels:
+        """The words for objects and bins."""
+        return self._around.labels
 
     @property
     def connected(self) -> bool:
@@ -172,6 +195,7 @@ class LiveSession:
             "report": self._on_report,
             "exit": self._on_worker_exit,
             "command": self._on_command,
+            "remark": self._on_remark,
             "ping": self._on_ping,
         }
         while True:
@@ -182,6 +206,7 @@ class LiveSession:
                     work.done.set_result(None)
             except Exception as error:
                 self._could_not(work, error)
+            self._around.changed(self.enrolment.participant)
 
     def _could_not(self, work: _Work, error: Exception) -> None:
         """Something went wrong with one piece of work; the session goes on with the next."""
@@ -241,8 +266,12 @@ class LiveSession:
         elif not self._audience.holds(client):
             pass  # taken over, or not let in yet: the page says its state again with the next heartbeat
         elif isinstance(message, Heartbeat):
+            self.recent.heard(self._around.now_unix_s())
+            before = replace(self.vitals)
             self.vitals.visible, self.vitals.focused = message.visible, message.focused
             self.vitals.device = message.device
+            if self.vitals != before:
+                self._around.changed(self.enrolment.participant)
             if self.enrolment.pace == "real_time":
                 # It repeats an input, so it cannot be ahead of the last one: that one was lost with the connection.
                 seq = min(message.seq, self._last_seq)
@@ -254,6 +283,7 @@ class LiveSession:
             )
             refuse(client, "out_of_order", "seq", text)
         else:
+            self.recent.heard(self._around.now_unix_s())
             self._last_seq = message.seq
             self._on_input(client, message)
 
@@ -347,6 +377,8 @@ class LiveSession:
         events = (self._event(f"step_{message.step}", "participant", dict(outcome.log or {})),)
         if message.step == "help":
             self.vitals.help_wanted = True
+        elif message.step == "setup":
+            self.vitals.sound = bool(message.data.get("sound"))
         if outcome.event is None:
             await self._commit(submission=message.id, events=events, private=outcome.private)
             acknowledge(client, message.id)
@@ -407,6 +439,17 @@ class LiveSession:
         event, by = work.payload
         data = {"by": by, "reason": event.reason}
         await self._advance(event, events=(self._event(event.name, "experimenter", data),))
+
+    async def _on_remark(self, work: _Work) -> None:
+        remark, by = work.payload
+        refuse_unless(remark.kind, self.session, self.connected, self.vitals.help_wanted)
+        view = self.view
+        task = {"task": view.done_tasks + 1, "kind": view.kind} if view and remark.kind == "task_marked" else {}
+        await self._commit(events=(self._event(remark.kind, "experimenter", {"by": by, "text": remark.text, **task}),))
+        if remark.kind == "message":
+            self._audience.show_notice(remark.text)
+        elif remark.kind == "help_seen":
+            self.vitals.help_wanted = False
 
     # ---- the worker ---------------------------------------------------------------------------------------------
 
@@ -484,6 +527,7 @@ class LiveSession:
         else:
             await self._commit(events=events, **rows)
             show_all()
+            self.recent.add_tick(row)
 
     def _advance_distractor(self, finished: bool) -> tuple[Any, ...]:
         plan = self.enrolment.plan.trial(self.session.trial)
@@ -546,6 +590,7 @@ class LiveSession:
         epoch = self._worker_epoch
         self._worker_ready, self.scene_port = False, None
         spec = await self._around.make_spec(kind, trial)
+        self.setup = spec.setup
         self._worker = self._around.start_worker(
             spec,
             lambda report: self._queue.put_nowait(_Work("report", (epoch, report))),
@@ -558,6 +603,8 @@ class LiveSession:
         self._worker_epoch += 1
         self._worker_ready, self.scene_port, self.held, self._restarts = False, None, False, 0
         self.view, self._world, self._tick, self._trial_s = None, None, None, 0.0
+        self.setup = None
+        self.recent.forget_ticks()
         self._distractor = DistractorState(self._around.study.distractor)
         if worker is not None:
             await worker.stop()
@@ -644,6 +691,7 @@ class LiveSession:
         await self._around.store.run(
             lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
         )
+        self.recent.add_events(rows.get("events", ()))
 
     def _event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:
         in_trial = self.session.worker is not None

@@ -14,7 +14,7 @@ from app.worker_messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.design import SessionPlan, Study
 from study.distractor import DistractorState
 from study.protocol import WorkerKind
-from study.records import TrialRow
+from study.records import EventRow, TrialRow
 from study.writer import AsyncStore
 
 Role = Literal["participant", "panel"]
@@ -68,6 +68,9 @@ class Resumed:
     tick: int | None = None
     last_seq: int = 0
     overruns: int = 0
+    sound: bool | None = None
+    events: tuple[EventRow, ...] = ()
+    """The last ones."""
 
 
 @dataclass
@@ -80,6 +83,8 @@ class Vitals:
     device: str | None = None
     overruns: int = 0
     help_wanted: bool = False
+    sound: bool | None = None
+    """Whether the participant heard the test sound; None before they were asked."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,8 @@ class Surroundings:
     panel_link: Callable[[], Awaitable[str]]
     """A link for the second device."""
     now_unix_s: Callable[[], float]
+    changed: Callable[[str], None] = lambda participant: None
+    """Told whenever something about the session may have changed."""
 
     def now_utc(self) -> str:
         """The time as it is recorded."""

@@ -1,0 +1,228 @@
+"""What the robot thinks, worked out again from a tick's row for whoever watches: the participant's side has none of it.
+
+A row holds the state, the belief and the choice, and the arbiter is a pure function of them: nothing has to be sent
+from the worker, and a session that nobody watches pays nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from app.autonomy.actions import index_of
+from app.autonomy.arbiter import ArbiterParameters, entropy_weights, evaluate
+from app.autonomy.hindsight import hindsight_reward_at
+from app.autonomy.information import information_gain_at
+from app.pages import Labels
+from app.trial_values import TrialSetup
+from sim.interface import SceneSpec, Vector3
+from study.records import TickRow
+
+PlaneKind = Literal["information", "reward"]
+CELL_M = 0.02
+MARGIN_M = 0.05
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Why the action of a tick: the two rewards of paper III-F for it, and what they weigh.
+
+    `information` is the expected gain (eq. 11, units of log |goals|), `reward_m` the approach (eq. 7, metres); `score`
+    is the sum of the weighted two. What agreement with the person adds (gamma) is left out: it decides, and hides the
+    rest.
+    """
+
+    information: float
+    reward_m: float
+    weighted_information: float
+    weighted_reward: float
+    score: float
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A candidate goal of a tick: position in the world frame, metres, and its probability."""
+
+    id: str
+    label: str
+    position_m: Vector3 | None
+    """None while the arm goes back and the belief is still about the last goals."""
+    probability: float
+    instructed: bool
+
+
+@dataclass(frozen=True)
+class Thought:
+    """One tick as the experimenter sees it."""
+
+    phase: str
+    trial: int
+    tick: int
+    trial_s: float
+    task: int | None
+    kind: str | None
+    source: str
+    position_m: Vector3
+    action: tuple[int, int, int] | None
+    user: tuple[int, int, int] | None
+    gripper: str
+    held: str | None
+    blocked: bool
+    blocked_reason: str | None
+    late_ms: float | None
+    entropy: float
+    goals: tuple[Goal, ...]
+    scores: Scores | None
+
+
+def scores_of(row: TickRow, parameters: ArbiterParameters) -> Scores | None:
+    """The scores of the row's action under a condition; None when there was none to choose."""
+    action = _direction(row.action_x, row.action_y, row.action_z)
+    if action is None:
+        return None
+    _, goals_m, belief = _goals(row)
+    position, momentum = (row.p_x, row.p_y, row.p_z), (row.m_x, row.m_y, row.m_z)
+    # The row's belief is the one after the tick's update, so nothing is learned once more.
+    thought = evaluate(position, momentum, goals_m, belief, None, parameters)
+    chosen = index_of(action)
+    f1, f2 = entropy_weights(thought.entropy, parameters.entropy_floor)
+    alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
+    information, reward_m = float(thought.information_gain[chosen]), float(thought.hindsight_reward[chosen])
+    weighted = alpha * f1 * information, parameters.beta * f2 * reward_m
+    return Scores(information, reward_m, *weighted, score=sum(weighted))
+
+
+def thought_of(row: TickRow, setup: TrialSetup, labels: Labels) -> Thought:
+    """Everything about a tick that the experimenter's page shows."""
+    places, belief = json.loads(row.goals), json.loads(row.belief)
+    goals = tuple(
+        Goal(name, label_of(name, labels), _vector(places.get(name)), float(probability), name == row.goal)
+        for name, probability in belief.items()
+    )
+    return Thought(
+        phase=setup.kind,
+        trial=row.trial,
+        tick=row.tick,
+        trial_s=row.trial_s,
+        task=row.task,
+        kind=row.kind,
+        source=row.source,
+        position_m=(row.p_x, row.p_y, row.p_z),
+        action=_direction(row.action_x, row.action_y, row.action_z),
+        user=_direction(row.user_x, row.user_y, row.user_z),
+        gripper=row.gripper,
+        held=row.held,
+        blocked=bool(row.blocked),
+        blocked_reason=row.blocked_reason,
+        late_ms=row.late_ms,
+        entropy=row.entropy,
+        goals=goals,
+        scores=scores_of(row, setup.parameters),
+    )
+
+
+def label_of(name: str, labels: Labels) -> str:
+    """The words for an object or a bin."""
+    return labels.objects.get(name) or labels.bins.get(name) or name
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One of the two heatmaps of paper Fig. 2, for a live tick. `values` has a row for each x, a column for each y."""
+
+    kind: PlaneKind
+    tick: int
+    z_m: float
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+    unit: str
+    caption: str
+    goals: tuple[Goal, ...]
+    gripper_m: Vector3
+    table_m: tuple[float, float, float, float]
+    """The table top: least x, most x, least y, most y."""
+
+
+def plane_of(row: TickRow, setup: TrialSetup, labels: Labels, kind: PlaneKind) -> Plane:
+    """Fig. 2 for the state after a tick: each place of the plane at the gripper's height, under the belief of the tick.
+
+    The plane covers the table, the goals and the gripper. Information (A) is eq. 11 of standing there at rest and
+    watching the next action; reward (B) is eq. 7 of standing there instead of where the gripper was.
+    """
+    names, goals_m, belief = _goals(row)
+    gripper: Vector3 = (row.p_x, row.p_y, row.p_z)
+    x_m, y_m = _axes(setup.cycles[0].scene, np.vstack([goals_m, gripper]))
+    grid = np.array([(x, y, gripper[2]) for x in x_m for y in y_m])
+    parameters = setup.parameters
+    if kind == "information":
+        values = information_gain_at(
+            grid, (0.0, 0.0, 0.0), goals_m, belief, parameters.transition, parameters.rationality_per_m
+        )
+        caption = "Expected information gain (eq. 11) of watching the next user action at each place, from rest."
+        unit = "of the whole uncertainty"
+    else:
+        values = hindsight_reward_at(grid, gripper, goals_m, belief)
+        caption = "Expected approach to the goals (eq. 7) of standing at each place instead of at the gripper's."
+        unit = "m"
+    shown = values.reshape(len(x_m), len(y_m)).round(6)
+    table = _table(setup.cycles[0].scene)
+    return Plane(
+        kind=kind,
+        tick=row.tick,
+        z_m=round(gripper[2], 3),
+        x_m=tuple(x_m.round(4).tolist()),
+        y_m=tuple(y_m.round(4).tolist()),
+        values=tuple(tuple(line) for line in shown.tolist()),
+        unit=unit,
+        caption=caption,
+        goals=tuple(
+            Goal(name, label_of(name, labels), _vector(goals_m[index].tolist()), float(belief[index]), name == row.goal)
+            for index, name in enumerate(names)
+        ),
+        gripper_m=gripper,
+        table_m=table,
+    )
+
+
+def _goals(row: TickRow) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Ids, positions (G, 3) and belief (G,). While the arm goes back, the new goals are all alike to it."""
+    places: Mapping[str, list[float]] = json.loads(row.goals)
+    belief: Mapping[str, float] = json.loads(row.belief)
+    names = list(places)
+    fits = places.keys() == belief.keys()
+    probabilities = [belief[name] for name in names] if fits else [1.0 / len(names)] * len(names)
+    return names, np.array(list(places.values())), np.array(probabilities)
+
+
+def _vector(values: Sequence[float] | None) -> Vector3 | None:
+    if values is None:
+        return None
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _direction(x: int | None, y: int | None, z: int | None) -> tuple[int, int, int] | None:
+    return None if x is None or y is None or z is None else (x, y, z)
+
+
+def _table(scene: SceneSpec) -> tuple[float, float, float, float]:
+    center, size = scene.table.center_world_m, scene.table.size_m
+    return (
+        center[0] - size[0] / 2.0,
+        center[0] + size[0] / 2.0,
+        center[1] - size[1] / 2.0,
+        center[1] + size[1] / 2.0,
+    )
+
+
+def _axes(scene: SceneSpec, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    low_x, high_x, low_y, high_y = _table(scene)
+    low = np.minimum((low_x, low_y), places_m[:, :2].min(axis=0) - MARGIN_M)
+    high = np.maximum((high_x, high_y), places_m[:, :2].max(axis=0) + MARGIN_M)
+    x_m, y_m = (np.linspace(a, b, round((b - a) / CELL_M) + 1) for a, b in zip(low, high, strict=True))
+    return x_m, y_m

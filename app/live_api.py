@@ -1,0 +1,364 @@
+"""What the experimenter sees while it happens, and says about it: one WebSocket, a few routes. Decides nothing.
+
+    dashboard ── {"type": "hello", "token": …} ──► (nothing is sent before)
+              ◄── {"type": "overview", "sessions": […], "gone": […]}     all of them, then those that changed
+              ── {"type": "watch", "participant": "P001" | null} ──►
+              ◄── {"type": "watched", …, "ticks": […], "events": […], "since_start": true}   the last minute, then more
+
+A page that is slow gets the newest state when it is ready for it: lines are remembered as changed, not queued.
+The token is said in the first message, so that no address and no log holds it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
+from app.insight import Plane, PlaneKind, Thought, plane_of, thought_of
+from app.lab import Lab, NoSuchParticipant
+from app.pages import instruction
+from app.recent import KEPT_EVENTS
+from app.remarks import KINDS, NotNow, Remark, RemarkKind, why_not
+from app.session import LiveSession
+from app.sockets import HELLO_WITHIN_S, Places, same_origin
+from study.records import EventRow
+from study.store import StoredSession
+
+GAP_S = 0.1
+"""Least time between two messages to one dashboard."""
+REFRESH_S = 10.0
+"""How often everything is looked at again, changed or not."""
+MAX_DASHBOARDS = 20
+MAX_HELLO_BYTES = 2_000
+
+
+class LiveReply(SessionReply):
+    """One session at a glance, with what can be done about it now."""
+
+    trial_s: float | None
+    signals_per_s: float
+    driving_share: float | None
+    visible: bool | None
+    focused: bool | None
+    sound: bool | None
+    instruction: str | None
+    why_not: dict[str, str]
+    """Remark to the reason why it cannot be made now; "" when it can."""
+
+
+class _Said(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    text: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
+
+
+class _Empty(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class _Hello(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    type: str = Field(pattern="^hello$")
+    token: Annotated[str, Field(max_length=500)]
+
+
+class _Watch(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    type: str = Field(pattern="^watch$")
+    participant: Annotated[str, Field(max_length=100)] | None
+
+
+def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: float) -> LiveReply:
+    """What the dashboard shows of one session."""
+    live = lab.live_session(stored.participant)
+    session = live.session if live else stored.session
+    connected, wanted = (live.connected, live.vitals.help_wanted) if live else (False, False)
+    view = live.view if live else None
+    practice = session.place in ("practice_ready", "practice")
+    return LiveReply(
+        **session_reply(lab, stored, label).model_dump(),
+        trial_s=live.trial_s if live else None,
+        signals_per_s=live.recent.signals_per_s(now_unix_s) if live else 0.0,
+        driving_share=live.recent.driving_share() if live else None,
+        visible=live.vitals.visible if connected and live else None,
+        focused=live.vitals.focused if connected and live else None,
+        sound=live.vitals.sound if live else None,
+        instruction=instruction(view, live.labels, practice).text if live and view else None,
+        why_not={kind: why_not(kind, session, connected, wanted) for kind in KINDS},
+    )
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What does not change about a participant while a dashboard is open."""
+
+    stored: StoredSession
+    label: str | None
+
+
+class Stream:
+    """One dashboard's socket, from its accepted hello to its end."""
+
+    def __init__(self, websocket: WebSocket, lab: Lab) -> None:
+        self._websocket = websocket
+        self._lab = lab
+        self._known: dict[str, _Known] = {}
+        self._sent: dict[str, str] = {}
+        self._changed: set[str] = set()
+        self._wake = asyncio.Event()
+        self._watched: str | None = None
+        self._watched_live: LiveSession | None = None
+        self._fresh = False
+        self._ticks_seen = 0
+        self._events_seen = 0
+
+    async def run(self) -> None:
+        """Send and receive until the dashboard leaves."""
+        with self._lab.watching(self._note):
+            tasks = (asyncio.create_task(self._send_all()), asyncio.create_task(self._receive_all()))
+            try:
+                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for task in tasks:
+                    task.cancel()
+                done = await asyncio.gather(*tasks, return_exceptions=True)
+        for result in done:
+            if isinstance(result, Exception) and not isinstance(result, (WebSocketDisconnect, RuntimeError)):
+                raise result
+
+    def _note(self, participant: str) -> None:
+        self._changed.add(participant)
+        self._wake.set()
+
+    async def _receive_all(self) -> None:
+        while True:
+            message = await _message(self._websocket, _Watch)
+            if message is None:
+                await self._send({"type": "error", "message": "expected {type: watch, participant: id or null}"})
+                continue
+            self._watched, self._watched_live, self._fresh = message.participant, None, True
+            self._wake.set()
+
+    # ---- sending ------------------------------------------------------------------------------------------------
+
+    async def _send_all(self) -> None:
+        loop = asyncio.get_running_loop()
+        refreshed_s = -REFRESH_S
+        while True:
+            changed, self._changed = self._changed, set()
+            self._wake.clear()
+            if loop.time() - refreshed_s >= REFRESH_S or not changed <= self._known.keys():
+                changed = await self._look_up()
+                refreshed_s = loop.time()
+            await self._send_overview(changed)
+            await self._send_watched()
+            await asyncio.sleep(GAP_S)
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), max(0.0, refreshed_s + REFRESH_S - loop.time()))
+
+    async def _look_up(self) -> set[str]:
+        """Read everybody again, beside the writing thread: ticks do not wait for it."""
+        store, known = self._lab.store.store, self._known
+
+        def read() -> dict[str, _Known]:
+            found = {}
+            for stored in store.sessions():
+                before = known.get(stored.participant)
+                label = before.label if before else dict(store.identities(stored.participant)).get("label")
+                found[stored.participant] = _Known(stored, label)
+            return found
+
+        self._known = await asyncio.to_thread(read)
+        return set(self._known) | set(self._sent)
+
+    async def _send_overview(self, participants: set[str]) -> None:
+        lines, now_s = [], self._lab.now_unix_s()
+        for participant, known in self._known.items():
+            if participant in participants:
+                text = live_reply(self._lab, known.stored, known.label, now_s).model_dump_json()
+                if self._sent.get(participant) != text:
+                    self._sent[participant] = text
+                    lines.append(json.loads(text))
+        gone = [participant for participant in self._sent if participant not in self._known]
+        for participant in gone:
+            del self._sent[participant]
+        if lines or gone or not self._known:
+            await self._send({"type": "overview", "sessions": lines, "gone": gone})
+
+    async def _send_watched(self) -> None:
+        """What is new about the session that is open on the page."""
+        participant = self._watched
+        if participant is None:
+            return
+        if participant not in self._known:
+            if self._fresh:
+                self._fresh = False
+                await self._send({"type": "error", "message": f"no participant {participant!r}"})
+            return
+        live = self._lab.live_session(participant)
+        if live is None:
+            if self._fresh:
+                self._fresh = False
+                events = await asyncio.to_thread(self._lab.store.store.rows_of, "events", participant)
+                await self._send_news(participant, True, [], events[-KEPT_EVENTS:])
+            return
+        if live is not self._watched_live:
+            self._watched_live, self._fresh = live, True
+        fresh, self._fresh = self._fresh, False
+        recent, setup = live.recent, live.setup
+        rows = list(recent.ticks) if fresh else recent.ticks_since(self._ticks_seen)
+        events = list(recent.events) if fresh else recent.events_since(self._events_seen)
+        self._ticks_seen, self._events_seen = recent.ticks_seen, recent.events_seen
+        thoughts: list[Thought] = []
+        if setup is not None and rows:
+            # Off the loop: a minute of ticks is worth 120 evaluations.
+            labels = live.labels
+            thoughts = await asyncio.to_thread(lambda: [thought_of(row, setup, labels) for row in rows])
+        if fresh or thoughts or events:
+            await self._send_news(participant, fresh, thoughts, events)
+
+    async def _send_news(
+        self, participant: str, fresh: bool, thoughts: list[Thought], events: list[EventRow] | tuple[EventRow, ...]
+    ) -> None:
+        if participant != self._watched:
+            return  # another one was opened meanwhile
+        await self._send(
+            {
+                "type": "watched",
+                "participant": participant,
+                "since_start": fresh,
+                "ticks": [asdict(thought) for thought in thoughts],
+                "events": [_event(row) for row in events],
+            }
+        )
+
+    async def _send(self, message: Mapping[str, Any]) -> None:
+        await self._websocket.send_text(json.dumps(message))
+
+
+def _event(row: EventRow) -> dict[str, Any]:
+    return {**asdict(row), "data": json.loads(row.data)}
+
+
+async def _message(websocket: WebSocket, kind: type[Any]) -> Any:
+    """The next message; None when it is not of this kind. Raises `WebSocketDisconnect`."""
+    received = await websocket.receive()
+    if received["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(received.get("code", 1005))
+    text = received.get("text")
+    if text is None or len(text) > MAX_HELLO_BYTES:
+        return None
+    try:
+        return kind.model_validate_json(text)
+    except ValueError:
+        return None
+
+
+async def _is_admitted(websocket: WebSocket, lab: Lab) -> bool:
+    try:
+        hello = await asyncio.wait_for(_message(websocket, _Hello), HELLO_WITHIN_S)
+    except (asyncio.TimeoutError, WebSocketDisconnect):
+        return False
+    return hello is not None and lab.is_experimenter(hello.token.strip())
+
+
+def add_live(app: FastAPI, lab: Lab) -> None:
+    """Put the socket and the routes of this file into an app."""
+    places = Places(MAX_DASHBOARDS)
+    app.include_router(private)
+
+    @app.websocket("/dashboard/socket")
+    async def dashboard_socket(websocket: WebSocket) -> None:
+        if not same_origin(websocket, lab.config.public_url):
+            await websocket.close(1008)
+            return
+        await websocket.accept()
+        if not await _is_admitted(websocket, lab):
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await websocket.close(1008, "the experimenter's token is needed")
+            return
+        with places.take("dashboard") as is_free:
+            if is_free:
+                await Stream(websocket, lab).run()
+            else:
+                await websocket.close(1013, "too many dashboards are open")
+
+
+# ---- routes -------------------------------------------------------------------------------------------------------
+
+private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+
+
+class PlaneReply(BaseModel):
+    """One of the heatmaps of the paper's Fig. 2 for the last tick. `values` has a row for each x."""
+
+    kind: str
+    tick: int
+    z_m: float
+    x_m: list[float]
+    y_m: list[float]
+    values: list[list[float]]
+    unit: str
+    caption: str
+    goals: list[dict[str, Any]]
+    gripper_m: tuple[float, float, float]
+    table_m: tuple[float, float, float, float]
+
+
+@private.get("/sessions/{participant}/heatmap")
+async def heatmap(participant: str, lab: TheLab, who: Experimenter, kind: PlaneKind = "information") -> PlaneReply:
+    """What each place of the table is worth, for the last tick's belief: expected information or approach to goals."""
+    live = lab.live_session(participant)
+    if live is None:
+        await _or_404(lab, participant)
+    if live is None or live.setup is None or not live.recent.ticks:
+        raise HTTPException(409, "no tick has run: there is a heatmap while the robot is being driven")
+    row, setup, labels = live.recent.ticks[-1], live.setup, live.labels
+    plane: Plane = await asyncio.to_thread(plane_of, row, setup, labels, kind)
+    return PlaneReply.model_validate(asdict(plane))
+
+
+async def _or_404(lab: Lab, participant: str) -> None:
+    try:
+        await lab.stored_session(participant)
+    except NoSuchParticipant as error:
+        raise HTTPException(404, str(error)) from None
+
+
+async def _remark(lab: Lab, participant: str, remark: Remark, who: str) -> dict[str, str]:
+    try:
+        await lab.remark(participant, remark, who)
+    except NoSuchParticipant as error:
+        raise HTTPException(404, str(error)) from None
+    except NotNow as error:
+        raise HTTPException(409, str(error)) from None
+    return {"participant": participant, "recorded": remark.kind}
+
+
+def _remark_route(path: str, kind: RemarkKind, text: str) -> None:
+    async def route(participant: str, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
+        return await _remark(lab, participant, Remark(kind, body.text), who)
+
+    route.__doc__ = text
+    private.post(f"/sessions/{{participant}}/{path}", name=path)(route)
+
+
+_remark_route("note", "note", "Write something into the session's record.")
+_remark_route("mark", "task_marked", "Mark the task that is under way, with words of your own.")
+_remark_route("message", "message", "Show the participant a line, which stays until they put it away.")
+
+
+@private.post("/sessions/{participant}/help_seen")
+async def help_seen(participant: str, body: _Empty, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    """The participant's call for help has been answered."""
+    return await _remark(lab, participant, Remark("help_seen", ""), who)
