@@ -34,6 +34,8 @@ Point = tuple[float, float, float]
 
 APPROACH_M = 0.10
 """How far in front of an object people line up before they move in."""
+STANDOFF_M = 0.012
+"""So far short of the grasp point people stop: at it the palm would touch."""
 DEEP_M = 0.065
 """Nearer to the object's depth than this, sideways motion would knock things over: back out first."""
 CLEARANCE_M = 0.06
@@ -269,7 +271,9 @@ class Driver:
         exact_m = max(self._traits.tolerance_m, 0.55 * self._step_m)
         aligned = abs(here_m[1] - y_m) <= exact_m and abs(here_m[2] - z_m) <= exact_m
         if aligned:
-            return _Leg(sight.object_m, (0,), self._traits.tolerance_m, "close", careful=True, moving_in=True)
+            return _Leg(
+                (x_m - STANDOFF_M, y_m, z_m), (0,), self._traits.tolerance_m, "close", careful=True, moving_in=True
+            )
         line_up_x_m = x_m - APPROACH_M
         if here_m[0] > x_m - DEEP_M and abs(here_m[1] - y_m) > 2.0 * exact_m:
             return _Leg((line_up_x_m, y_m, z_m), (0,), CARRY_TOLERANCE_M, "close")
