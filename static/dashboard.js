@@ -4,6 +4,8 @@ import { Api } from "./dashboard_api.js";
 import { Rows } from "./dashboard_rows.js";
 import { copyButton } from "./copy.js";
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+import { Roster } from "./roster.js";
+import { showQr } from "./roster_dialogs.js";
 import { ask, Toasts } from "./shell.js";
 
 const POLL_MS = 1000;
@@ -19,6 +21,7 @@ let lastMs = 0;
 
 function login(problem = "") {
   clearInterval(timer);
+  roster.stop();
   leave.hidden = true;
   const fieldId = freshId("token");
   const field = h("input", { id: fieldId, type: "password", autocomplete: "off", spellcheck: "false", data: { testid: "token-input" } });
@@ -49,6 +52,7 @@ async function enter() {
   }
 }
 
+const roster = new Roster({ api, toasts, onActed: () => poll() });
 const rows = new Rows({
   onPause: (participant) => act(participant, "pause", {
     title: `Pause ${participant}?`, text: ["The robot stops at once. The participant sees that the session is paused."],
@@ -107,7 +111,8 @@ async function poll() {
 
 function board() {
   leave.hidden = false;
-  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard()));
+  roster.start();
+  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard(), roster.element));
 }
 
 function createCard() {
@@ -117,7 +122,7 @@ function createCard() {
   const label = h("input", { id: labelId, type: "text", maxlength: 200, autocomplete: "off", data: { testid: "create-label" } });
   const error = h("p", { class: "field-error", role: "alert", hidden: true });
   const links = h("div", { class: "links", data: { testid: "links" } });
-  const create = (demo) => async () => {
+  const create = (demo, kind = null) => async () => {
     const wanted = Number(count.value);
     error.hidden = true;
     if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
@@ -127,10 +132,11 @@ function createCard() {
       return;
     }
     try {
-      const made = await api.create({ demo, label: label.value.trim(), count: wanted });
-      links.prepend(...made.map((one) => linkRows(one, demo)));
+      const made = await api.create({ demo, kind, label: label.value.trim(), count: wanted });
+      links.prepend(...made.map((one) => linkRows(one)));
       label.value = "";
       poll();
+      roster.refresh();
     } catch (problem) {
       error.hidden = false;
       setText(error, `No link was created: ${problem.message}`);
@@ -138,20 +144,28 @@ function createCard() {
   };
   const add = h("button", { type: "button", class: "primary", data: { testid: "create-participant" } }, "Create participant link");
   const addDemo = h("button", { type: "button", class: "secondary", data: { testid: "create-demo" } }, "Create demo link");
+  const addPilot = h("button", { type: "button", class: "secondary", data: { testid: "create-pilot" } }, "Create pilot link");
+  addPilot.addEventListener("click", () => whileBusy(addPilot, "Creating", create(false, "pilot")));
   add.addEventListener("click", () => whileBusy(add, "Creating", create(false)));
   addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create(true)));
   return h("section", { class: "board-card", "aria-labelledby": "create-title" }, h("h2", { id: "create-title" }, "New links"),
     h("div", { class: "create" },
       h("div", { class: "field" }, h("label", { for: countId }, "How many"), count),
       h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (kept apart, never exported)"), label),
-      add, addDemo),
-    error, h("p", { class: "hint" }, "A link is shown only once, here: the lab keeps no readable copy. Demo sessions use no counterbalancing slot and stay out of exports."), links);
+      add, addPilot, addDemo),
+    error, h("p", { class: "hint" }, "A link is shown only once, here: the lab keeps no readable copy. Pilot and demo sessions use no counterbalancing slot and stay out of exports (pilots can be exported when asked for)."), links);
 }
 
-function linkRows({ participant, link, panel_link }, demo) {
+function linkRows({ participant, link, panel_link, kind, demo }) {
+  const qr = (url) => {
+    const button = h("button", { type: "button", class: "secondary small", "aria-label": `QR code of ${participant}`, data: { testid: "show-qr" } }, "QR code");
+    button.addEventListener("click", () => showQr(api, participant, url).catch((error) => toasts.show(error.message, { problem: true })));
+    return button;
+  };
+  const marked = demo ? " (demo)" : kind === "pilot" ? " (pilot)" : "";
   const line = (name, url, testid) => url && h("div", { class: "link-row" }, h("span", {}, name),
-    h("input", { type: "text", readonly: true, value: url, "aria-label": `${name} of ${participant}`, data: { testid } }), copyButton(() => url, "Copy", `copy-${testid}`));
-  return h("div", { class: "panel", data: { testid: "new-link", participant } }, h("p", {}, h("strong", {}, participant), demo ? " (demo)" : ""),
+    h("input", { type: "text", readonly: true, value: url, "aria-label": `${name} of ${participant}`, data: { testid } }), h("span", { class: "buttons" }, copyButton(() => url, "Copy", `copy-${testid}`), qr(url)));
+  return h("div", { class: "panel", data: { testid: "new-link", participant } }, h("p", {}, h("strong", {}, participant), marked),
     line("Participant link", link, "participant-link"), line("Second device", panel_link, "second-device-link"));
 }
 

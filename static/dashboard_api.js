@@ -6,6 +6,7 @@ const STATUS = {
   401: "The token is missing or wrong.",
   403: "The token is missing or wrong.",
   404: "The lab does not know this session.",
+  429: "Too many wrong tokens; wait a minute.",
   409: "That is not possible in the session's present state.",
   500: "The lab failed inside; its console says why.",
 };
@@ -31,12 +32,25 @@ export class Api {
   }
 
   /** [{participant, link, panel_link}] */
-  async create({ demo, label, count }) {
+  async create({ demo, kind, label, count }) {
     const body = { demo };
+    if (kind) body.kind = kind;
     if (label) body.label = label;
     if (count > 1) body.count = count;
     const answer = await (await this._ask("/api/participants", { method: "POST", body })).json();
     return Array.isArray(answer) ? answer : (answer.created ?? [answer]);
+  }
+
+  async get(path) {
+    return (await this._ask(path)).json();
+  }
+
+  async send(path, body) {
+    return (await this._ask(path, { method: "POST", body })).json();
+  }
+
+  async text(path, body) {
+    return (await this._ask(path, { method: "POST", body })).text();
   }
 
   async act(participant, action, reason) {

@@ -39,7 +39,7 @@ export class Toasts {
 
 /**
  * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
- * `question`: {title, text: [..], confirm, back, field?, danger?, testid}
+ * `question`: {title, text: [..], confirm, back, field?: {label, required, missing, check: text => problem}, danger?, testid}
  */
 export function ask({ title, text = [], confirm, back = "Go back", field = null, danger = false, testid, extra = null }) {
   return new Promise((resolve) => {
@@ -65,6 +65,13 @@ export function ask({ title, text = [], confirm, back = "Go back", field = null,
       if (field?.required && input.value.trim() === "") {
         error.hidden = false;
         error.textContent = field.missing ?? "Please fill this in.";
+        input.focus();
+        return;
+      }
+      const wrong = field?.check?.(input.value.trim());
+      if (wrong) {
+        error.hidden = false;
+        error.textContent = wrong;
         input.focus();
         return;
       }

@@ -1,0 +1,152 @@
+"""The roster as an experimenter uses it, in a real browser against a running lab."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from study.design import load_study
+from study.store import open_store
+from tests.lab_server import LabServer
+from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC
+from tests.test_roster_api import make_done
+from tests.wire_client import invite, write_study
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Locator, Page
+
+pytestmark = pytest.mark.browser
+
+SCRIPT = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
+
+
+@pytest.fixture
+def lab(tmp_path: Path, start_lab: Callable[..., LabServer]) -> LabServer:
+    return start_lab("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", str(write_study(tmp_path)))
+
+
+@pytest.fixture(autouse=True)
+def no_script_errors(page: Page) -> Iterator[None]:
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    yield
+    assert errors == []
+
+
+def opened(page: Page, lab: LabServer) -> Locator:
+    page.goto(lab.experimenter_link)
+    roster = page.get_by_test_id("roster")
+    roster.get_by_test_id("order-grid").wait_for()
+    return roster
+
+
+def line(page: Page, participant: str) -> Locator:
+    return page.locator(f"[data-testid=roster-row][data-participant={participant}]")
+
+
+def told(page: Page, text: str) -> None:
+    page.get_by_test_id("toast").get_by_text(text).wait_for()
+
+
+def test_links_are_made_shown_as_qr_codes_and_fill_the_grid(page: Page, lab: LabServer, screenshot_dir: Path) -> None:
+    roster = opened(page, lab)
+    first = roster.locator("[data-testid=order-row][data-next=true]").locator("th").inner_text()
+    page.get_by_test_id("create-count").fill("8")
+    page.get_by_test_id("create-label").fill(SCRIPT)
+    page.get_by_test_id("create-participant").click()
+    line(page, "P008").wait_for()
+    chips = page.locator(".chip[data-participant=P001]")
+    assert first == roster.locator("[data-testid=order-row]", has=chips).locator("th").inner_text()
+    assert SCRIPT in line(page, "P001").inner_text()
+    page.get_by_test_id("create-count").fill("1")
+    page.get_by_test_id("create-pilot").click()
+    line(page, "T009").get_by_text("a pilot").wait_for()
+    page.get_by_test_id("show-qr").first.click()
+    assert page.get_by_test_id("qr").evaluate("image => image.decode().then(() => image.naturalWidth > 100)")
+    page.screenshot(path=screenshot_dir / "roster-qr.png")
+    assert "/p/" in page.get_by_test_id("qr-link").input_value()
+    page.get_by_test_id("dialog-back").click()
+    line(page, "P008").get_by_test_id("roster-new_link").click()
+    page.get_by_test_id("qr").wait_for()
+    assert page.get_by_test_id("qr-link").input_value().startswith(f"{lab.base_url}/p/")
+    page.get_by_test_id("dialog-back").click()
+    assert page.evaluate("window.broken") is None
+
+
+def test_reject_withdraw_and_erase_ask_first_and_free_the_cell(
+    page: Page, lab: LabServer, screenshot_dir: Path
+) -> None:
+    invite(lab, count=7)
+    make_done(lab, "P001")
+    roster = opened(page, lab)
+    stale = line(page, "P002").get_by_test_id("roster-reject")
+    assert stale.get_attribute("aria-disabled") == "true"
+    assert "The session is not over" in (stale.get_attribute("title") or "")
+    line(page, "P001").get_by_test_id("roster-reject").click()
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_text("Give a reason.").wait_for()
+    page.get_by_test_id("reject-dialog").get_by_role("textbox").fill(SCRIPT)
+    page.get_by_test_id("dialog-confirm").click()
+    told(page, "P001: rejected. The cell is free again.")
+    line(page, "P001").locator("[data-column=state]", has_text="rejected").wait_for()
+    assert roster.locator(".chip[data-participant=P001]").count() == 0
+
+    line(page, "P002").get_by_test_id("roster-withdraw").click()
+    assert page.get_by_test_id("withdraw-keep").is_checked()  # as the consent text says
+    page.screenshot(path=screenshot_dir / "roster-withdraw.png")
+    page.get_by_test_id("dialog-confirm").click()
+    told(page, "P002: withdrawn.")
+    assert roster.locator(".chip[data-participant=P002]").count() == 0
+    line(page, "P003").get_by_test_id("roster-withdraw").click()
+    page.get_by_test_id("withdraw-erase").check()
+    page.get_by_test_id("dialog-confirm").click()
+    told(page, "P003: withdrawn and erased.")
+
+    line(page, "P002").get_by_test_id("roster-erase").click()
+    page.get_by_test_id("erase-dialog").get_by_role("textbox").fill("P003")
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_text("This is not P002.").wait_for()
+    page.get_by_test_id("erase-dialog").get_by_role("textbox").fill("P002")
+    page.get_by_test_id("dialog-confirm").click()
+    told(page, "P002: erased.")
+    for gone in ("P002", "P003"):
+        line(page, gone).locator("[data-column=state]", has_text="erased").wait_for()
+        assert line(page, gone).get_by_role("button").count() == 0
+    page.get_by_test_id("roster").screenshot(path=screenshot_dir / "roster.png")
+
+
+def test_what_another_experimenter_did_first_is_said(page: Page, lab: LabServer) -> None:
+    who = invite(lab)["participant"]
+    opened(page, lab)
+    line(page, who).get_by_test_id("roster-withdraw").click()
+    place = f"{lab.base_url}/api/participants/{who}/withdraw"
+    httpx.post(place, headers=lab.headers, json={}, trust_env=False).raise_for_status()
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_test_id("toast-problem").get_by_text("The session is over").wait_for()
+    line(page, who).locator("[data-column=state]", has_text="withdrawn").wait_for()
+
+
+def test_a_thousand_participants_are_turned_through_page_by_page(
+    page: Page, tmp_path: Path, start_lab: Callable[..., LabServer]
+) -> None:
+    path, data = write_study(tmp_path), tmp_path / "data"
+    study = load_study(path, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    with open_store(data) as store:
+        for number in range(60):
+            store.create_participant(study, seed=number, public_id=f"{number:x}", utc=UTC)
+    lab = start_lab("--robot", "kinematic", "--no-scene", "--study", str(path), data_dir=data)
+    opened(page, lab)
+    rows = page.get_by_test_id("roster-row")
+    assert (rows.count(), page.get_by_test_id("roster-range").inner_text()) == (25, "1–25 of 60")
+    for _ in range(2):
+        page.get_by_test_id("roster-older").click()
+    page.get_by_text("51–60 of 60").wait_for()
+    assert (rows.count(), rows.last.get_attribute("data-participant")) == (10, "P001")
+    page.get_by_test_id("roster-search").fill("p033")
+    page.get_by_text("1–1 of 1").wait_for()
+    page.get_by_test_id("roster-show").select_option("done")
+    page.get_by_test_id("roster-range").get_by_text("Nobody").wait_for()
