@@ -41,13 +41,9 @@ PEOPLE = ("pilot, Tuesday", "recruited by mail", "walk-in")
 
 
 def keep(name: str, png: bytes) -> None:
-    """Store a picture small enough for a repository: as it is if it may be, else with fewer colours."""
+    """Store a picture small enough for a repository: as it is if it may be, else with 256 colours."""
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    method = Image.Quantize.MAXCOVERAGE  # keeps a small red button red
-    for colours in (None, 256, 128, 64):
-        chosen = picture if colours is None else picture.quantize(colours, method)
-        if colours is not None:  # the palette spread over the gradients, or they show as rings
-            chosen = picture.quantize(palette=chosen, dither=Image.Dither.FLOYDSTEINBERG)
+    for chosen in (picture, with_few_colours(picture)):
         small = io.BytesIO()
         chosen.save(small, "PNG", optimize=True)
         if small.tell() <= MAX_BYTES:
@@ -56,7 +52,17 @@ def keep(name: str, png: bytes) -> None:
         raise RuntimeError(f"{name} has {small.tell()} bytes; at most {MAX_BYTES} are wanted")
     FOLDER.mkdir(exist_ok=True)
     (FOLDER / f"{name}.png").write_bytes(small.getvalue())
-    print(f"{name}: {small.tell() // 1000} kB, {colours or 'all'} colours", flush=True)
+    print(f"{name}: {small.tell() // 1000} kB", flush=True)
+
+
+def with_few_colours(picture: Image.Image) -> Image.Image:
+    """256 colours: most of them where most pixels are (or gradients show as rings), a few so that
+    small things keep theirs."""
+    common = picture.quantize(208, Image.Quantize.MEDIANCUT).getpalette() or []
+    rare = picture.quantize(48, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(common[: 3 * 208] + rare[: 3 * 48])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 class Camera:
@@ -128,6 +134,8 @@ def participant(camera: Camera, folder: Path) -> None:
         person.at("drive")
         person.start()
         person.drive(Pilot(STEP_M), carrying)
+        while person.answer_alert():
+            person.next_tick()
         page.wait_for_timeout(400)
         keep("driving", page.screenshot())
         drive_to_the_end(person)
