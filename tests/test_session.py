@@ -214,7 +214,7 @@ async def test_a_submission_that_is_sent_again_is_taken_once(quick_lab: LabServe
     participant = made["participant"]
     assert len(events(quick_lab, participant, "answers_not_right")) == 1
     assert len(events(quick_lab, participant, "step_instructions")) == 1
-    assert [data["text"] for _, data in events(quick_lab, participant, "step_help")] == ["once"]
+    assert len(events(quick_lab, participant, "step_help")) == 1
     with stored(quick_lab) as store:
         given = [row for row in store.rows_of("survey_answers", participant) if row.instrument == "comprehension"]
     assert len(given) == 2 * len(COMPREHENSION)
@@ -373,7 +373,7 @@ async def test_a_second_device_shows_the_readings_and_can_do_nothing_else(
             assert (await panel.until(AlertClosed)).status == "answered"
             assert (await player.tick((0, 0, 1))).tick == driven.tick + 1
             await command(lab, made["participant"], "abort", "enough")
-            assert (await panel.until(Page)).state == "over"
+            assert (await panel.until(Page, lambda page: page.state not in ("waiting", "trial"))).state == "aborted"
     rows = ticks(lab, made["participant"])
     assert user(rows[20]) == user(rows[21]) == (0, 0, 1)  # the walk to the laptop is what takes the hands off
 
