@@ -160,12 +160,16 @@ def form_answers(page: Page) -> tuple[str, dict[str, Any]] | None:
         "setup": lambda: ("setup", {"device": "keyboard", "sound": True}),
         "survey": lambda: (
             "survey",
-            {"answers": {form["id"]: {item["id"]: 4 for item in form["items"]} for form in content["instruments"]}},
+            {"answers": {form["id"]: _middle(form) for form in content["instruments"]}},
         ),
         "break": lambda: ("continue", {}),
         "debrief": lambda: ("debrief", {"answers": {}}),
     }
     return makers[page.state]() if page.state in makers else None
+
+
+def _middle(form: Mapping[str, Any]) -> dict[str, int]:
+    return {item["id"]: (form["points"] + 1) // 2 for item in form["items"]}
 
 
 def _demographic(item: Mapping[str, Any]) -> Any:

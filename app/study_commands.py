@@ -34,7 +34,7 @@ def _new(options: argparse.Namespace) -> None:
     name = options.name.strip()
     file = Path(name if name.endswith(".toml") else f"{name}.toml")
     title = re.sub(r"[-_\s]+", " ", file.stem).strip()
-    if not name or not title or not title.isprintable():
+    if not name or not title or not name.isprintable():
         raise LabError(f"{options.name!r} is no name for a study; give one such as my-study")
     text = new_study_text(title[0].upper() + title[1:], file)
     try:

@@ -17,8 +17,10 @@ from typing import Literal
 from study import effects, statistics
 from study.dataset import DataSet
 from study.effects import NotFitted
+from study.instruments import Instrument
 from study.measures import Kind, Measures, Summary, SurveyScore, summary, window_rates
 from study.mixed import MixedModel, mixed_model
+from study.questionnaires import own_instruments
 from study.statistics import Anova, Pair, RepeatedMeasures, Slope
 
 MeasureId = Literal[
@@ -31,7 +33,8 @@ KIND_TITLES: dict[Kind, str] = {"pickup": "pickups", "dropoff": "dropoffs", "all
 class MeasureInfo:
     """How a measure is named and what one value of it belongs to."""
 
-    id: MeasureId
+    id: str
+    """A `MeasureId`, or the id of a questionnaire of the study's own."""
     title: str
     unit: str
     decimals: int
@@ -121,9 +124,10 @@ def analyse(data: DataSet) -> Analysis:
         compare(observations(data.measures, "window_rate", kind), "window_rate", kind, conditions)
         for kind in COMPARED_KINDS
     ]
+    own = {name: form for study in data.studies.values() for name, form in own_instruments(study).items()}
     comparisons += [
-        compare(survey_observations(data.scores, instrument), instrument, None, conditions)
-        for instrument in sorted({item.instrument for item in data.scores})
+        compare(survey_observations(data.scores, name), name, None, conditions, own=own.get(name))
+        for name in sorted({item.instrument for item in data.scores})
     ]
     return Analysis(data, tuple(comparisons), goal_trends(data.measures, conditions))
 
@@ -173,9 +177,11 @@ def compare(
     *,
     mixed: bool = True,
     intervals: bool = True,
+    own: Instrument | None = None,
 ) -> Comparison:
-    """One measure between conditions. Without `mixed` and `intervals` it takes a tenth of the time."""
-    info = MEASURES[measure]
+    """One measure between conditions. Without `mixed` and `intervals` it takes a tenth of the time. `own` is the
+    questionnaire when it is one of the study's own."""
+    info = MEASURES[measure] if own is None else _info(own)
     summaries = {
         condition: summary([item.value for item in values if item.condition == condition]) for condition in conditions
     }
@@ -186,6 +192,11 @@ def compare(
         return result
     pairs = statistics.tukey(anova, intervals=intervals)
     return replace(result, pairs=tuple(_with_effect(pair, result) for pair in pairs) if intervals else pairs)
+
+
+def _info(form: Instrument) -> MeasureInfo:
+    low, high = form.score_range
+    return MeasureInfo(form.id, form.title, f"score, {low}–{high}; high = {form.score_means}", 2, "participant")
 
 
 def _between(

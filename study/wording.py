@@ -8,8 +8,9 @@ from typing import Any
 
 from study.analysis import Analysis
 from study.effects import Interval
-from study.instruments import INSTRUMENTS
+from study.instruments import INSTRUMENTS, Instrument
 from study.measures import GAIN_ENTROPY, WINDOW_TICKS, Summary
+from study.questionnaires import own_instruments
 
 MINUS = "−"
 
@@ -65,7 +66,10 @@ def settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
 def methods(analysis: Analysis) -> list[str]:
     """The methods of this analysis, ready to be pasted."""
     data, quality = analysis.data, analysis.data.quality
-    scales = [INSTRUMENTS[name] for name in sorted({score.instrument for score in data.scores}) if name in INSTRUMENTS]
+    forms = dict(INSTRUMENTS)
+    for study in data.studies.values():
+        forms |= own_instruments(study)
+    scales = [forms[name] for name in sorted({score.instrument for score in data.scores}) if name in forms]
     paragraphs = [
         f"{quality.participants} participants completed {quality.trials} trials under {len(data.conditions)} "
         "conditions within participants. A tick is 0.5 s. Completed trials alone were analysed. Failed pickups were "
@@ -92,14 +96,17 @@ def methods(analysis: Analysis) -> list[str]:
         "are least squares over windows. The significance level was .05.",
     ]
     if scales:
-        text = " ".join(
-            f"“{scale.title}”: {scale.source.rstrip('.')}; a high score means {scale.score_means}." for scale in scales
-        )
+        text = " ".join(_scale(form) for form in scales)
         paragraphs.append(f"After each trial participants answered questionnaires. {text}")
     if simulated := data.meta.get("simulated"):
         told = ", ".join(f"{name} = {value}" for name, value in settings(simulated)) if simulated is not True else ""
         paragraphs.append(f"The participants are simulated{': ' + told if told else ''}.")
     return [*paragraphs, _robot(analysis)]
+
+
+def _scale(form: Instrument) -> str:
+    source = f": {form.source.rstrip('.')}" if form.source else ""
+    return f"“{form.title}”{source}; a high score means {form.score_means}."
 
 
 def _robot(analysis: Analysis) -> str:

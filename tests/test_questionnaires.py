@@ -12,6 +12,8 @@ import pytest
 from app.opinions import Experience, survey_answers
 from app.pages import PageContext, page
 from app.participants import Population, draw_traits
+from study.analysis import analyse
+from study.dataset import load as load_data
 from study.design import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
 from study.export import write_tables
 from study.measures import survey_scores
@@ -19,6 +21,8 @@ from study.protocol import Session
 from study.questionnaires import own_instruments
 from study.study_file import parse_toml
 from study.surveys import answer_rows, score, validate_surveys
+from study.wording import methods
+from tests.analysis_samples import data_set
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
@@ -145,6 +149,22 @@ def test_the_export_tells_and_scores_it(tmp_path: Path, study: Study) -> None:
     exported = parse_toml((out / "study.toml").read_bytes(), "study.toml")[0]
     (scored,) = survey_scores(rows, own_instruments(exported))
     assert (scored.instrument, scored.score) == ("trust", 9)
+
+
+def test_the_analysis_compares_it_under_its_own_title(tmp_path: Path, study: Study) -> None:
+    data = data_set(4)
+    for number, trial in enumerate(data.tables["trials"]):
+        answers = {"reliable": 1 + number % 5, "unpredictable": 1 + number % 4}
+        data.tables["survey_answers"] += answer_rows(
+            trial.participant, "trust", answers, UTC, condition=trial.condition, trial=trial.trial
+        )
+    write_tables(tmp_path / "out", data.tables, studies={study.hash: study.source_text}, meta={"machines": []})
+    analysis = analyse(load_data(tmp_path / "out"))
+    trust = analysis.comparison("trust")
+    assert trust is not None
+    assert (trust.measure.title, trust.measure.unit) == ("About trust", "score, 2–10; high = more trust")
+    assert sum(summary.n for summary in trust.summaries.values()) == 12
+    assert any("“About trust”; a high score means more trust." in text for text in methods(analysis))
 
 
 def test_a_questionnaire_may_stand_in_the_study_file(tmp_path: Path) -> None:
