@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -129,12 +129,10 @@ def teleoperate(plan: Plan, index: int) -> tuple[list[Any], list[Any]]:
     return record["tasks"], record["ticks"]
 
 
-def measure_teleoperation(plan: Plan, participants: int, workers: int = 1) -> Measures:
+def measure_teleoperation(plan: Plan, participants: int) -> Measures:
     """The paper's measures of so many participants under pure teleoperation."""
-    found = dict(run_jobs(partial(teleoperate, plan), range(participants), workers))
-    tasks = [row for index in sorted(found) for row in found[index][0]]
-    ticks = [row for index in sorted(found) for row in found[index][1]]
-    return measure(tasks, ticks)
+    found = [teleoperate(plan, index) for index in range(participants)]
+    return measure([row for tasks, _ in found for row in tasks], [row for _, ticks in found for row in ticks])
 
 
 def plan_of(variant: str, values: Mapping[str, float], seed: int) -> Plan:
@@ -160,48 +158,61 @@ def fit(
     start = np.log([item.start for item in PARAMETERS])
     low, high = np.log([item.low for item in PARAMETERS]), np.log([item.high for item in PARAMETERS])
     found: list[Fit] = []
+    try_out = partial(_evaluate, variant, participants, seed)
 
-    def residuals(logs: np.ndarray) -> np.ndarray:
-        values = {item.name: float(np.exp(log)) for item, log in zip(PARAMETERS, logs, strict=True)}
-        measures = measure_teleoperation(plan_of(variant, values, seed), participants, workers)
-        misses = anchor_values(measures)
-        off = np.array([(value / anchor.value - 1.0) / anchor.share for anchor, value in misses])
-        everything = np.concatenate([off, PULL * (logs - start)])
-        windows = measures.analysed_windows()
-        found.append(
-            Fit(
-                variant=variant,
-                values=values,
-                anchors=misses,
-                misfit=float(everything @ everything),
-                evaluations=len(found) + 1,
-                windows=len(windows),
-                uncertain_windows=len(measures.gains()),
-            )
-        )
-        say()
-        return everything
+    def residuals(points: list[np.ndarray]) -> list[np.ndarray]:
+        """How far off each point is, in order; the points are independent, so they run beside one another."""
+        jobs = [tuple(float(value) for value in point) for point in points]
+        results = {}
+        for job, result in run_jobs(try_out, jobs, workers):
+            results[job] = result
+            say()
+        found.extend(results[job] for job in jobs)
+        return [_off(results[job], np.array(job) - start) for job in jobs]
 
     here = start
-    off = residuals(here)
+    (off,) = residuals([here])
     for _ in range(rounds):
-        slopes = np.empty((off.size, here.size))
-        for axis in range(here.size):
-            step = _STEP if here[axis] + _STEP <= high[axis] else -_STEP
-            slopes[:, axis] = (residuals(here + step * np.eye(here.size)[axis]) - off) / step
+        steps = np.where(here + _STEP <= high, _STEP, -_STEP)
+        beside = residuals([here + step for step in np.diag(steps)])
+        slopes = np.stack([(there - off) / step for there, step in zip(beside, steps, strict=True)], axis=1)
         before = float(off @ off)
         for damping in _DAMPING:
             pull = slopes.T @ slopes
             move = np.linalg.solve(pull + damping * np.diag(np.diag(pull) + 1e-6), -slopes.T @ off)
             there = np.clip(here + np.clip(move, -0.7, 0.7), low, high)
-            tried = residuals(there)
+            (tried,) = residuals([there])
             if float(tried @ tried) < float(off @ off):
                 here, off = there, tried
                 break
         if float(off @ off) > 0.97 * before:
             break  # what is left is the luck of the draw
     best = min(found, key=lambda item: item.misfit)
-    return Fit(**{**vars(best), "evaluations": len(found)})
+    return replace(best, evaluations=len(found))
+
+
+def _evaluate(variant: str, participants: int, seed: int, logs: tuple[float, ...]) -> Fit:
+    """What one set of numbers gives."""
+    values = {item.name: float(np.exp(log)) for item, log in zip(PARAMETERS, logs, strict=True)}
+    measures = measure_teleoperation(plan_of(variant, values, seed), participants)
+    result = Fit(
+        variant=variant,
+        values=values,
+        anchors=anchor_values(measures),
+        misfit=0.0,
+        evaluations=1,
+        windows=len(measures.analysed_windows()),
+        uncertain_windows=len(measures.gains()),
+    )
+    moved = np.array(logs) - np.log([item.start for item in PARAMETERS])
+    off = _off(result, moved)
+    return replace(result, misfit=float(off @ off))
+
+
+def _off(result: Fit, moved: np.ndarray) -> np.ndarray:
+    """Every anchor's miss, and the pull towards the start."""
+    misses = [(value / anchor.value - 1.0) / anchor.share for anchor, value in result.anchors]
+    return np.concatenate([misses, PULL * moved])
 
 
 def anchor_values(measures: Measures) -> tuple[tuple[Anchor, float], ...]:

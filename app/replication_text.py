@@ -271,7 +271,8 @@ def _fit_table() -> str:
     windows = (f"{item['windows_above_entropy']} of {item['windows']}" for item in found["variants"].values())
     rows.append(("windows above 0.7 (not fitted)", "", *windows))
     values = "\n".join(f"{name}: {json.dumps(item['values'])}" for name, item in found["variants"].items())
-    return f"{_columns(rows)}\n\n{values}\n\n{found['by']}"
+    note = found.get("note", "")
+    return f"{_columns(rows)}\n\n{values}\n\n{found['by']}. {note}"
 
 
 def _traits_table(result: Replication) -> str:

@@ -11,8 +11,10 @@ import gzip
 import json
 import os
 import shutil
+import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from multiprocessing import get_context
@@ -126,13 +128,20 @@ def run_jobs(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -
         for job in jobs:
             yield job, work(job)
         return
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
+    processes = min(workers, len(jobs))
+    with ProcessPoolExecutor(processes, get_context("spawn"), _leave_interrupts_to_the_parent) as pool:
         running = {pool.submit(work, job): job for job in jobs}
         try:
             for future in as_completed(running):
                 yield running.pop(future), future.result()
+        except BrokenProcessPool:
+            raise LabError("a process ended unexpectedly (out of memory?); start again, what is done is kept") from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def check_count(what: str, value: int, most: int) -> None:

@@ -131,6 +131,15 @@ def test_what_fails_in_a_process_fails_the_whole(workers: int) -> None:
         list(run_jobs(_fails_at_two, [1, 2, 3], workers))
 
 
+def _dies(job: int) -> None:
+    os._exit(9)
+
+
+def test_a_process_that_dies_is_told_in_a_line() -> None:
+    with pytest.raises(LabError, match="what is done is kept"):
+        list(run_jobs(_dies, [1, 2], 2))
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
