@@ -8,6 +8,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Coroutine
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,9 +24,9 @@ from app.auth import WrongTokens
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
-from app.autonomy.transition import TransitionModel
 from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
+from app.planning import StudySetup
 from study.export import export_zip
 from study.protocol import Event, IllegalEvent, allowed
 from study.store import Kind, StoredSession
@@ -105,7 +106,10 @@ class CommandRequest(_Body):
 
 
 class EvaluateRequest(_Body):
-    """A state, a belief, an input, and either a condition or the weights."""
+    """A state, a belief, an input, and either a condition or the weights.
+
+    What is left out is as in the study this lab runs. The stickiness of the study's arbiter is not part of this.
+    """
 
     position_m: Vector
     momentum: Vector
@@ -114,12 +118,12 @@ class EvaluateRequest(_Body):
     user_action: tuple[Axis, Axis, Axis] | None = None
     condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
     alpha: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    beta: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
-    gamma: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1e6
-    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.05
-    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.2
-    transition: Literal["mix", "replan"] = "mix"
-    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] = 5.0
+    beta: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    gamma: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] | None = None
+    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = None
+    transition: Literal["mix", "replan"] | None = None
+    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | None = None
 
 
 class EvaluateReply(BaseModel):
@@ -136,17 +140,9 @@ class EvaluateReply(BaseModel):
     alpha: float
 
 
-def evaluate_request(request: EvaluateRequest, default_alpha: float) -> EvaluateReply:
+def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateReply:
     """`POST /api/arbiter/evaluate` as a function. Raises `AutonomyError` for values that do not fit together."""
-    alpha = request.alpha if request.alpha is not None else default_alpha
-    parameters = ArbiterParameters(
-        condition=request.condition,
-        alpha=0.0 if request.condition == "goal_oriented" else alpha,
-        beta=request.beta,
-        gamma=request.gamma,
-        rationality_per_m=request.rationality_per_m,
-        transition=TransitionModel(request.transition, request.step_m, request.planning_delay),
-    )
+    parameters = _parameters(request, setup)
     prior = None if request.belief is None else np.array(request.belief)
     goals = np.array(request.goals_m)
     result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, parameters)
@@ -161,6 +157,21 @@ def evaluate_request(request: EvaluateRequest, default_alpha: float) -> Evaluate
         chosen=result.chosen,
         alpha=parameters.alpha,
     )
+
+
+def _parameters(request: EvaluateRequest, setup: StudySetup) -> ArbiterParameters:
+    """The request's weights and model, the study's where it names none."""
+    if request.condition == "goal_oriented" and request.alpha:
+        raise AutonomyError(f"alpha is {request.alpha:g}; it must be 0 or left out with condition 'goal_oriented'")
+    usual = setup.parameters_like(request.condition)
+    alpha = request.alpha if request.alpha is not None else usual.alpha
+    named = request.model_dump(include={"beta", "gamma", "rationality_per_m"}, exclude_none=True)
+    model = replace(
+        usual.transition,
+        **request.model_dump(include={"step_m", "planning_delay"}, exclude_none=True),
+        kind=request.transition or usual.transition.kind,
+    )
+    return replace(usual, alpha=alpha, transition=model, stickiness=0.0, **named)
 
 
 def lab_of(request: Request) -> Lab:
@@ -228,10 +239,9 @@ async def protocol_schemas() -> dict[str, Any]:
 
 @public.post("/arbiter/evaluate")
 async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
-    """Update a belief and weigh all 27 actions, as the arbiter does in every tick (paper III)."""
-    calibration = lab.setup.calibration
+    """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
     try:
-        return evaluate_request(body, calibration.alpha if calibration else 0.0)
+        return await asyncio.to_thread(evaluate_request, body, lab.setup)
     except AutonomyError as error:
         problem = {"type": "value_error", "loc": ("body", str(error).split()[0]), "msg": str(error)[:300]}
         raise RequestValidationError([problem]) from None

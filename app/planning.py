@@ -8,8 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from app.autonomy.arbiter import ArbiterParameters
+from app.autonomy.arbiter import ArbiterParameters, Condition
 from app.autonomy.calibration import Calibration, calibrate_alpha
+from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
 from app.pages import Labels
 from app.trial_values import CycleSetup, RobotTiming, TrialSetup
@@ -48,6 +49,18 @@ class StudySetup:
             entropy_floor=settings.entropy_floor,
             stickiness=settings.stickiness,
         )
+
+    def parameters_like(self, arbiter: Condition) -> ArbiterParameters:
+        """The parameters of the study's first condition with that arbiter; without one, the study's model with
+        the calibrated alpha. Raises `AutonomyError` when there is no alpha to take."""
+        for condition in self.study.conditions:
+            if condition.arbiter == arbiter:
+                return self.parameters(condition.id)
+        if arbiter == "balanced" and self.calibration is None:
+            raise AutonomyError("alpha is missing; this study has no balanced condition to take it from")
+        like = self.parameters(self.study.conditions[0].id)
+        alpha = self.calibration.alpha if self.calibration and arbiter == "balanced" else 0.0
+        return replace(like, condition=arbiter, alpha=alpha)
 
     def labels(self) -> Labels:
         """The words for everything that can be named in an instruction."""
