@@ -121,7 +121,7 @@ def _add_replicate(commands) -> None:  # type: ignore[no-untyped-def]
     replicate.add_argument("--workers", type=int, default=1, help="processes; the results are the same for any number")
     replicate.add_argument("--robot", choices=("kinematic", "bullet"), default="kinematic", help="which robot moves")
     replicate.add_argument("--preset", choices=("fitted", "paper", "lab"), default="fitted", help="open coefficients")
-    replicate.add_argument("--vary", type=int, default=10, help="studies for each thing that is varied; 0 = none")
+    replicate.add_argument("--vary", type=int, default=5, help="studies run again for each thing varied; 0 = none")
     replicate.add_argument("--out", type=Path, default=None, help="folder for the report and for going on later")
     replicate.set_defaults(run=_replicate)
 

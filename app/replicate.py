@@ -115,7 +115,10 @@ class Replication:
     shares: tuple[Share, ...]
     means: tuple[Means, ...]
     goals: tuple[GoalGain, ...]
-    varied: tuple[tuple[Variation, int, tuple[Share, ...], tuple[Means, ...]], ...]
+    varied: tuple[tuple[Variation, tuple[Share, ...]], ...] = ()
+    unvaried: tuple[Share, ...] = ()
+    """The first studies with nothing changed: as many as each variation ran, of the same people."""
+    vary: int = 0
 
 
 def replicate(
@@ -133,8 +136,8 @@ def replicate(
     check_count("workers", workers, MAX_WORKERS)
     if participants < 2:
         raise LabError("participants is 1; comparing conditions within people takes at least 2")
-    if not 0 <= vary <= MAX_STUDIES:
-        raise LabError(f"vary is {vary}; it must be from 0 (vary nothing) to {MAX_STUDIES} studies each")
+    if not 0 <= vary <= studies:
+        raise LabError(f"vary is {vary}; it must be from 0 (vary nothing) to {studies}, the number of studies")
     check_place(out_dir)
     folder = out_dir / "studies" if out_dir else None
     values = run_studies(plan, studies, participants, workers, folder)
@@ -143,9 +146,18 @@ def replicate(
     for variation in variations(plan) if vary else ():
         place = out_dir / "varied" / _slug(variation.name) if out_dir else None
         changed = run_studies(varied(plan, variation), vary, participants, workers, place, f"studies, {variation.name}")
-        rows.append((variation, vary, shares(compare_all(changed, workers)), means(changed)))
+        rows.append((variation, shares(compare_all(changed, workers))))
     return Replication(
-        plan, preset, participants, tuple(values), shares(base), means(values), goal_gains(values), tuple(rows)
+        plan=plan,
+        preset=preset,
+        participants=participants,
+        studies=tuple(values),
+        shares=shares(base),
+        means=means(values),
+        goals=goal_gains(values),
+        varied=tuple(rows),
+        unvaried=shares(base[:vary]) if vary else (),
+        vary=min(vary, studies),
     )
 
 

@@ -37,7 +37,7 @@ _MEANS_COLUMNS = ("measure", "kind", "condition", "paper_mean", "paper_sd", "mea
 
 def write(result: Replication, out_dir: Path) -> None:
     """The report and its tables. Raises `LabError` when they cannot be written."""
-    rows = [[variation.name, *_share_row(item)] for variation, _, of, _ in result.varied for item in of]
+    rows = [[variation.name, *_share_row(item)] for variation, of in result.varied for item in of]
     try:
         (out_dir / "replication.md").write_text(report(result), encoding="utf-8")
         _write_csv(out_dir / "comparisons.csv", _SHARE_COLUMNS, [_share_row(item) for item in result.shares])
@@ -143,12 +143,12 @@ def _varied(result: Replication) -> list[str]:
     """One thing at a time: what each variation does to every comparison that was missed, and to the others."""
     if not result.varied:
         return []
-    count = result.varied[0][1]
     parts = [
         "## One thing at a time",
-        f"Each variation changes one thing in the fitted simulation and runs {count} studies; everything else, alpha's "
-        f"calibration included, follows. A share moves when it changes by more than {MOVED:.0%} and twice its standard "
-        "error. Nothing was tuned by these.",
+        f"Each variation changes one thing in the simulation and runs the first {result.vary} studies again, with the "
+        "same people; everything else, alpha's calibration included, follows. It is held against the same studies "
+        f"unchanged: a share moves when it changes by more than {MOVED:.0%} and twice its standard error. Nothing was "
+        "tuned by these.",
     ]
     own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
     for title, items in (
@@ -157,7 +157,12 @@ def _varied(result: Replication) -> list[str]:
     ):
         lines = [f"### {title}"]
         for item in items:
-            moved = [text for variation, n, of, _ in result.varied if (text := _moves(item, variation, n, of))]
+            before = _same(item.claim, result.unvaried)
+            moved = [
+                text
+                for variation, of in result.varied
+                if (text := _moves(before, _same(item.claim, of), variation, result.vary))
+            ]
             lines.append(
                 f"- **{name_of(item.claim)}** (sign {_percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
                 f"difference {_number(item.mean, item.claim.measure)}, "
@@ -170,19 +175,24 @@ def _varied(result: Replication) -> list[str]:
     return parts
 
 
-def _moves(item: Share, variation: Variation, studies: int, of: Sequence[Share]) -> str | None:
-    other = next(share for share in of if share.claim == item.claim)
+def _same(claim: Claim, of: Sequence[Share]) -> Share:
+    return next(share for share in of if share.claim == claim)
+
+
+def _moves(before: Share, after: Share, variation: Variation, studies: int) -> str | None:
+    """What a variation does to a comparison, if that is more than chance."""
     told = []
-    for word, before, after in (
-        ("sign", item.same_sign, other.same_sign),
-        ("p<.05", item.significant, other.significant),
+    for word, one, other in (
+        ("sign", before.same_sign, after.same_sign),
+        ("p<.05", before.significant, after.significant),
     ):
-        error = (max(before * (1.0 - before), 0.01) / studies) ** 0.5
-        if abs(after - before) > max(MOVED, 2.0 * error):
-            told.append(f"{word} {before:.0%} to {after:.0%}")
-    return (
-        f"{variation.name}: {', '.join(told)} (difference {_number(other.mean, item.claim.measure)})" if told else None
-    )
+        error = (max(one * (1.0 - one), 0.04) / studies) ** 0.5
+        if abs(other - one) > max(MOVED, 2.0 * error):
+            told.append(f"{word} {one:.0%} to {other:.0%}")
+    if not told:
+        return None
+    numbers = (_number(share.mean, share.claim.measure) for share in (before, after))
+    return f"{variation.name}: {', '.join(told)} (difference {' to '.join(numbers)})"
 
 
 def _differences_table(result: Replication) -> str:
@@ -192,10 +202,8 @@ def _differences_table(result: Replication) -> str:
         head,
         ("paper", *(_number(item.claim.paper_difference, item.claim.measure) for item in own)),
     ]
-    rows.append(("nothing", *(_number(item.mean, item.claim.measure) for item in own)))
-    for variation, _, of, _ in result.varied:
-        found = {item.claim: item for item in of}
-        rows.append((variation.name, *(_number(found[item.claim].mean, item.claim.measure) for item in own)))
+    for name, of in (("nothing", result.unvaried), *((variation.name, of) for variation, of in result.varied)):
+        rows.append((name, *(_number(_same(item.claim, of).mean, item.claim.measure) for item in own)))
     legend = (
         "G gain, C convergence, E efficiency, W window rate; p pickups, a all tasks;\n"
         "B balanced, O goal-oriented, T teleoperation."

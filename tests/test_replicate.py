@@ -177,10 +177,9 @@ def result() -> Replication:
     plan = make_plan(1, "kinematic", "fitted")
     nothing = compare_all([as_the_paper_found(rng, effect=0.0) for _ in range(3)], 1)
     other = next(item for item in variations(plan) if item.name == "alpha / 3")
-    rows = ((other, 3, shares(nothing), means(studies)),)
-    return Replication(
-        plan, "fitted", 12, studies, shares(compare_all(studies, 1)), means(studies), goal_gains(studies), rows
-    )
+    rows = ((other, shares(nothing)),)
+    base = shares(compare_all(studies, 1))
+    return Replication(plan, "fitted", 12, studies, base, means(studies), goal_gains(studies), rows, base, 3)
 
 
 def test_the_report_holds_every_comparison_and_parameter(result: Replication) -> None:
@@ -227,6 +226,7 @@ def test_the_whole_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (["--studies", "0"], "studies is 0; it must be from 1 to 10000"),
         (["--participants", "1"], "takes at least 2"),
         (["--vary", "-1"], "vary is -1; it must be from 0"),
+        (["--studies", "3", "--vary", "4"], "from 0 (vary nothing) to 3"),
         (["--seed", "-5"], "seed -5; it must be from 0"),
     ],
 )
