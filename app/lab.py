@@ -216,7 +216,9 @@ class Lab:
         data = json.dumps({"by": by, "reason": reason})
         utc = utc_text(self._now_unix_s())
         event = EventRow(participant, None, None, utc, "rejected", "experimenter", data)
-        return await self.store.run(lambda store: store.reject(participant, event))
+        rejected = await self.store.run(lambda store: store.reject(participant, event))
+        self.changed(participant)
+        return rejected
 
     async def erase(self, participant: str) -> bool:
         """End the session if it is live and delete everything about the participant but the mark that there was one.
@@ -229,7 +231,9 @@ class Lab:
             live = self._live.pop(participant, None)
             if live is not None:
                 await live.close()
-            return await self.store.run(lambda store: store.erase(participant, utc))
+            is_clean = await self.store.run(lambda store: store.erase(participant, utc))
+        self.changed(participant)
+        return is_clean
 
     async def stored_sessions(self) -> tuple[StoredSession, ...]:
         """Everyone, as stored."""

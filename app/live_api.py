@@ -157,10 +157,11 @@ class Stream:
         while True:
             changed, self._changed = self._changed, set()
             self._wake.clear()
-            if loop.time() - refreshed_s >= REFRESH_S or not changed <= self._known.keys():
+            due = loop.time() - refreshed_s >= REFRESH_S
+            if due or any(self._lab.live_session(one) is None or one not in self._known for one in changed):
                 changed = await self._look_up()
                 refreshed_s = loop.time()
-            await self._send_overview(changed)
+            await self._send_overview(changed, is_sign_of_life=due)
             await self._send_watched()
             await asyncio.sleep(GAP_S)
             with contextlib.suppress(asyncio.TimeoutError):
@@ -181,7 +182,7 @@ class Stream:
         self._known = await asyncio.to_thread(read)
         return set(self._known) | set(self._sent)
 
-    async def _send_overview(self, participants: set[str]) -> None:
+    async def _send_overview(self, participants: set[str], is_sign_of_life: bool) -> None:
         lines, now_s = [], self._lab.now_unix_s()
         for participant, known in self._known.items():
             if participant in participants:
@@ -192,7 +193,7 @@ class Stream:
         gone = [participant for participant in self._sent if participant not in self._known]
         for participant in gone:
             del self._sent[participant]
-        if lines or gone or not self._known:
+        if lines or gone or is_sign_of_life:
             await self._send({"type": "overview", "sessions": lines, "gone": gone})
 
     async def _send_watched(self) -> None:

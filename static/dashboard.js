@@ -6,6 +6,7 @@ import { copyButton } from "./copy.js";
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
+import { Live } from "./live.js";
 import { ask, Toasts } from "./shell.js";
 
 const POLL_MS = 1000;
@@ -21,6 +22,7 @@ let lastMs = 0;
 
 function login(problem = "") {
   clearInterval(timer);
+  live.stop();
   roster.stop();
   leave.hidden = true;
   const fieldId = freshId("token");
@@ -46,6 +48,7 @@ async function enter() {
     drawn(sessions);
     clearInterval(timer);
     timer = setInterval(poll, POLL_MS);
+    live.start();
   } catch (error) {
     if (error.status === 401 || error.status === 403) api.setToken("");
     login(error.message);
@@ -67,6 +70,8 @@ const rows = new Rows({
     field: { label: "Reason (kept in the log)", required: true, missing: "Give a reason." }, confirm: "Abort session", danger: true,
   }),
 });
+
+const live = new Live({ api, toasts, main, actions: rows.actions, onSessions: drawn });
 
 const DONE = { pause: "paused", resume: "resumed", abort: "aborted" };
 
@@ -100,7 +105,7 @@ async function poll() {
   if (polling) return;
   polling = true;
   try {
-    drawn(await api.sessions());
+    drawn(live.fed ? live.sessions : await api.sessions());
   } catch (error) {
     if (error.status === 401 || error.status === 403) login(error.message);
     else sayUpdated();

@@ -57,6 +57,16 @@ export class Api {
     await this._ask(`/api/sessions/${encodeURIComponent(participant)}/${action}`, { method: "POST", body: { reason: reason || null } });
   }
 
+  /** What the experimenter says about a session or to its participant: note, mark, message, help_seen. */
+  async say(participant, what, body) {
+    await this._ask(`/api/sessions/${encodeURIComponent(participant)}/${what}`, { method: "POST", body });
+  }
+
+  /** One of the heatmaps of the paper's Fig. 2 for the last tick. */
+  async heatmap(participant, kind) {
+    return (await this._ask(`/api/sessions/${encodeURIComponent(participant)}/heatmap?kind=${kind}`)).json();
+  }
+
   async download() {
     const answer = await this._ask("/api/export");
     const name = /filename="?([^";]+)/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "export.zip";

@@ -2,7 +2,7 @@
 
 import { h, icon, setText } from "./dom.js";
 
-const STATES = {
+export const STATES = {
   created: "Not opened yet", consent: "Consent", demographics: "Demographics", setup: "Set-up", instructions: "Instructions",
   practice_ready: "Before practice", practice: "Practice", trial_ready: "Before the trial", trial: "In a trial", survey: "Survey",
   break: "Break", debrief: "Debrief", done: "Complete", paused: "Paused", withdrawn: "Withdrawn", aborted: "Aborted",
@@ -30,6 +30,10 @@ function remarks(session) {
   const list = [];
   if (session.causes?.length) list.push(`Paused: ${session.causes.map((cause) => CAUSES[cause] ?? cause).join(" and ")}`);
   if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
+  if (session.connected && session.visible === false) list.push("page hidden");
+  else if (session.connected && session.focused === false) list.push("page without focus");
+  if (session.sound === false) list.push("sound not heard");
+  if (session.signals_per_s > 0) list.push(`${session.signals_per_s.toFixed(1)} signals/s`);
   if (session.device) list.push(session.device);
   if (session.pace === "lockstep") list.push("lockstep");
   return list.join("; ") || "–";
@@ -81,14 +85,14 @@ export class Rows {
   }
 
   _make(participant) {
-    const name = h("th", { scope: "row" });
+    const name = h("a", { href: `#session=${encodeURIComponent(participant)}`, data: { testid: "open" } });
     const cells = Object.fromEntries(["state", "trial", "task", "connection", "remarks"].map((column) => [column, h("td", { data: { column } })]));
     const buttons = Object.fromEntries(this.actions.map(([action, label, handler]) => {
       const button = h("button", { type: "button", class: "secondary small", "aria-label": `${label} ${participant}`, data: { testid: action } }, label);
       button.addEventListener("click", () => button.getAttribute("aria-disabled") === "true" || handler(participant));
       return [action, button];
     }));
-    const element = h("tr", { data: { participant, testid: "session-row" } }, name, Object.values(cells), h("td", {}, h("div", { class: "buttons" }, Object.values(buttons))));
+    const element = h("tr", { data: { participant, testid: "session-row" } }, h("th", { scope: "row" }, name), Object.values(cells), h("td", {}, h("div", { class: "buttons" }, Object.values(buttons))));
     return { element, name, cells, buttons };
   }
 
@@ -99,7 +103,8 @@ export class Rows {
     const place = session.state === "paused" && session.place ? ` (${(STATES[session.place] ?? session.place).toLowerCase()})` : "";
     mark(cells.state, sign, (STATES[session.state] ?? session.state) + place, level);
     setText(cells.trial, WITHOUT_TRIAL.has(session.state) ? "–" : ratio(session.trial, session.trials));
-    setText(cells.task, session.tasks ? ratio(Math.min(session.done_tasks + 1, session.tasks), session.tasks) : "–");
+    const time = session.trial_s > 0 ? `, ${session.trial_s.toFixed(1)} s` : "";
+    setText(cells.task, session.tasks ? ratio(Math.min(session.done_tasks + 1, session.tasks), session.tasks) + time : "–");
     mark(cells.connection, ...connectionOf(session));
     const asks = session.help_wanted;
     mark(cells.remarks, asks ? "help" : null, asks ? `Asks for help. ${remarks(session).replace(/^–$/, "")}` : remarks(session), asks ? "warn" : "");

@@ -140,7 +140,7 @@ function sentence(field, message) {
 
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
-socket.addEventListener("notice", (event) => shell.toasts.show(event.detail.text));
+socket.addEventListener("notice", (event) => shell.toasts.show(`From the experimenter: ${event.detail.text}`, { stays: true, onDismiss: () => socket.note("message_dismissed") }));
 socket.addEventListener("refused", (event) => {
   const { stale, message, code, id, field } = event.detail;
   // What a person cannot act on: a step of an earlier visit, an input that came a moment too late.

@@ -18,7 +18,7 @@ export class Toasts {
     this.element = h("div", { class: "toasts", role: "status", "aria-live": "polite", data: { testid: "toasts" } });
   }
 
-  show(text, { problem = false } = {}) {
+  show(text, { problem = false, stays = false, onDismiss = () => {} } = {}) {
     const shown = [...this.element.children];
     const twin = shown.find((toast) => toast.dataset.text === text);
     if (twin) twin.remove();
@@ -31,9 +31,12 @@ export class Toasts {
       h("p", {}, problem ? h("strong", {}, "Problem: ") : null, text),
       close,
     );
-    close.addEventListener("click", () => toast.remove());
+    close.addEventListener("click", () => {
+      toast.remove();
+      onDismiss();
+    });
     this.element.append(toast);
-    if (!problem) setTimeout(() => toast.remove(), 6000);
+    if (!problem && !stays) setTimeout(() => toast.remove(), 6000);
   }
 }
 
