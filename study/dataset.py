@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from study.export import read_meta, read_table
+from study.instruments import Instrument
 from study.measures import Measures, SurveyScore, conditions_of, measure, survey_scores
 from study.questionnaires import own_instruments
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
@@ -155,7 +156,11 @@ def load(folder: Path | str) -> DataSet:
         if row.trial is not None and (row.participant, row.trial) in kept
     ]
     studies, notes = _studies(folder, meta)
-    own = {name: form for study in studies.values() for name, form in own_instruments(study).items()}
+    own: dict[str, Instrument] = {}
+    for study in studies.values():
+        for name, form in own_instruments(study).items():
+            if own.setdefault(name, form) != form:
+                notes.append(f"Questionnaire {name} differs between the study files; all its answers are scored alike.")
     scores = survey_scores(answers, own)
     alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
     parameters, changed = _parameters(trials)

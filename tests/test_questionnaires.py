@@ -164,6 +164,11 @@ def test_the_analysis_compares_it_under_its_own_title(tmp_path: Path, study: Stu
     assert trust is not None
     assert (trust.measure.title, trust.measure.unit) == ("About trust", "score, 2–10; high = more trust")
     assert sum(summary.n for summary in trust.summaries.values()) == 12
+    assert analysis.data.quality.notes == ()
+    other = study.source_text.replace("unpredictable.", "erratic.")
+    write_tables(tmp_path / "both", data.tables, studies={study.hash: study.source_text, "f" * 64: other})
+    (differs,) = [note for note in load_data(tmp_path / "both").quality.notes if "trust" in note]
+    assert "differs between the study files" in differs
     assert any("“About trust”; a high score means more trust." in text for text in methods(analysis))
 
 
