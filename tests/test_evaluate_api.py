@@ -11,8 +11,13 @@ from typing import Any
 import httpx
 import pytest
 
+from app.api import EvaluateRequest, evaluate_request
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
+from app.planning import study_setup
+from sim.layouts import LAYOUTS
+from sim.objects import STUDY_OBJECTS
+from study.design import DEFAULT_STUDY, parse_study
 from tests.lab_server import LabServer
 from tests.literal_reference import evaluate_literal
 
@@ -91,6 +96,21 @@ def test_the_studys_alpha_is_the_default_and_told(client: httpx.Client) -> None:
     assert evaluate(client, condition="goal_oriented")["alpha"] == 0
 
 
+def test_what_is_not_named_is_the_studys() -> None:
+    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    changes = {'alpha = "calibrated"': "alpha = 2.0", "rationality_per_m = 5.0": "rationality_per_m = 3.0"}
+    for before, after in changes.items():
+        assert before in text
+        text = text.replace(before, after)
+    setup = study_setup(parse_study(text, layouts=LAYOUTS, objects=tuple(STUDY_OBJECTS)))
+    asked = {"position_m": (0.7, 0.0, 0.9), "momentum": (0.0, 0.0, 0.0), "goals_m": GOALS, "user_action": (1, 0, 0)}
+    by_default = evaluate_request(EvaluateRequest.model_validate(asked), setup)
+    assert by_default.alpha == 2.0
+    same = EvaluateRequest.model_validate({**asked, "alpha": 2.0, "rationality_per_m": 3.0})
+    assert evaluate_request(same, setup) == by_default
+    assert evaluate_request(EvaluateRequest.model_validate({**asked, "rationality_per_m": 4.0}), setup) != by_default
+
+
 BAD: list[tuple[str, dict[str, Any], str]] = [
     ("NaN", {"position_m": [math.nan, 0, 0]}, "position_m.0"),
     ("infinite", {"goals_m": [[0, math.inf, 0]]}, "goals_m.0.1"),
@@ -109,6 +129,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("half an action", {"user_action": [0.5, 0, 0]}, "user_action.0"),
     ("no such action", {"user_action": [2, 0, 0]}, "user_action.0"),
     ("unknown condition", {"condition": "magic"}, "condition"),
+    ("a weight the condition has not", {"condition": "goal_oriented", "alpha": 0.5}, "alpha"),
     ("negative weight", {"alpha": -1}, "alpha"),
     ("infinite weight", {"gamma": math.inf}, "gamma"),
     ("no step", {"step_m": 0}, "step_m"),
