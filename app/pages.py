@@ -12,16 +12,13 @@ from typing import Any
 from app.messages import Instruction, Page, Tick
 from app.outcomes import Verdict
 from app.trial_values import TickResult, TrialView
+from sim import views
 from study.design import Study
 from study.protocol import Session
 from study.surveys import describe
 
-VIEWS: tuple[tuple[str, str], ...] = (
-    ("overview", "From behind"),
-    ("side", "From the right"),
-    ("top", "From above"),
-)
-"""Names and labels of the camera views; the scene's own (`sim.scene.VIEWS`) have the same names."""
+VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
+"""Names and labels of the camera views, the one a session starts with first."""
 
 FAILURES: Mapping[str, str] = {
     "off_table": "The {object} fell off the table.",

@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 import viser
 
 from sim import fetch, props
@@ -33,36 +32,9 @@ from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.meshes import Material, Mesh, to_glb
 from sim.objects import OBJECTS
+from sim.views import DEFAULT_VIEW, VIEWS
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
-
-
-@dataclass(frozen=True)
-class View:
-    """A camera: where it stands, what it looks at (world, metres), and its vertical field of view."""
-
-    name: str
-    label: str
-    position_world_m: Vector3
-    look_at_world_m: Vector3
-    fov_rad: float
-    head: bool = True
-    """Whether the robot's head is drawn: over its shoulder it would hide the table."""
-
-
-VIEWS: Mapping[str, View] = {
-    view.name: view
-    for view in (
-        # From over the robot's right shoulder: its left is the picture's left, forward is up, and the elbow, which
-        # hides the gripper from straight behind, stands aside.
-        View("overview", "Whole table", (-0.03, -0.66, 2.38), (0.65, 0.0, 0.63), float(np.radians(39.5)), head=False),
-        View("side", "From the side", (0.84, -1.85, 1.32), (0.6, 0.0, 0.76), float(np.radians(46))),
-        View("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), float(np.radians(44)), head=False),
-    )
-}
-DEFAULT_VIEW = "overview"
-_NARROWEST_ASPECT = 1.45
-"""Below this width / height the field of view is widened, so that both bins stay in the picture."""
 
 
 @dataclass(frozen=True)
@@ -423,10 +395,9 @@ class SceneView:
             del self._framed[gone]
         for number, client in clients.items():
             eye = client.camera
-            aspect = eye.image_width / max(eye.image_height, 1)
             fov_rad = view.fov_rad
-            if 0.0 < aspect < _NARROWEST_ASPECT:
-                fov_rad = float(2.0 * np.arctan(np.tan(fov_rad / 2.0) * _NARROWEST_ASPECT / aspect))
+            if eye.image_width > 0 and eye.image_height > 0:
+                fov_rad = view.vertical_fov_rad(eye.image_width / eye.image_height)
             wanted = (view.name, round(fov_rad, 3))
             if self._framed.get(number) == wanted:
                 continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sim.views import VIEWS
 from study.instruments import INSTRUMENTS
 
 Message = dict[str, Any]
@@ -82,10 +83,9 @@ def alert(number: int = 1, reading: str = "582.4", elapsed_s: float = 0.0) -> Me
 
 
 def _driving(kind: str, thing: str, tasks: int, running: bool) -> Message:
-    views = [("overview", "From behind"), ("side", "From the right"), ("top", "From above")]
     return {
         "scene": "/s/test/scene/",
-        "views": [{"name": name, "label": label} for name, label in views],
+        "views": [{"name": view.name, "label": view.label} for view in VIEWS.values()],
         "instruction": instruction(kind, thing),
         "tasks": tasks,
         "running": running,

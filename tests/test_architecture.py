@@ -51,7 +51,7 @@ MODULES = {
         app.messages
         app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief app.autonomy.calibration
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
-        sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance
+        sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.overview
         study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster

@@ -14,7 +14,8 @@ from sim.assets import simple_look
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
 from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, practice_scene, scene
 from sim.objects import STUDY_OBJECTS
-from sim.scene import DEFAULT_VIEW, VIEWS, SceneOptions, SceneView
+from sim.scene import SceneOptions, SceneView
+from sim.views import DEFAULT_VIEW, VIEWS
 from tests.viser_client import TIMEOUT_S, ViserClient, names
 
 LAYOUT = LAYOUTS[DEFAULT_LAYOUT]
