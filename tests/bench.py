@@ -98,7 +98,7 @@ def main() -> None:
         for figure in PARTS[name]():
             aim = f"   (aim: {figure.aim})" if figure.aim else ""
             print(f"  {figure.what:58} {figure.value:>18}{aim}", flush=True)
-        print(f"  [{time.perf_counter() - started_s:.0f} s]", flush=True)
+        print(f"  [{time.perf_counter() - started_s:.0f} s; load {os.getloadavg()[0]:.1f}]", flush=True)
 
 
 if __name__ == "__main__":

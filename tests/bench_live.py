@@ -63,7 +63,7 @@ def live_figures() -> Iterator[Figure]:
 
 
 def _late_figures(late_ms: Sequence[float]) -> Iterator[Figure]:
-    cuts = statistics.quantiles(late_ms, n=100)
+    cuts = statistics.quantiles(late_ms, n=100, method="inclusive")
     yield Figure("tick-start error p50, p99", f"{cuts[49]:.2f}, {cuts[98]:.2f} ms")
     yield Figure("tick-start error, largest", f"{late_ms[-1]:.2f} ms")
 

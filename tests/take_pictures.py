@@ -37,7 +37,7 @@ SECOND_DEVICE = {
     'placement = "same_page_away" ': 'placement = "second_device" ',
     "first_s = 10.0": "first_s = 2.0",
 }
-PEOPLE = ("pilot, Tuesday", "recruited by mail", "walk-in")
+PEOPLE = ("Tuesday, 10:00", "recruited by mail", "walk-in")
 
 
 def keep(name: str, png: bytes) -> None:
