@@ -18,6 +18,7 @@ from app.api import add_api
 from app.config import LabError
 from app.lab import Lab, NoSuchParticipant
 from app.live_api import add_live
+from app.results_api import add_results_api
 from app.roster_api import add_roster_api
 from app.scene_proxy import proxy_scene, scene_page_response
 from app.session import LiveSession
@@ -61,6 +62,7 @@ def create_app(lab: Lab) -> FastAPI:
     app.state.lab = lab
     add_api(app)
     add_roster_api(app)
+    add_results_api(app)
     add_live(app, lab)
     _add_errors(app)
     _add_pages(app, lab)

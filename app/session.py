@@ -45,6 +45,7 @@ from study import protocol
 from study.design import reading
 from study.distractor import DistractorState
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, Session, StartWorker, StopWorker, WorkerKind
+from study.quality import judged
 from study.records import EventRow, TrialRow
 from study.store import Cycle
 
@@ -105,6 +106,7 @@ class LiveSession:
         self._worker_ready = False
         self._restarts = 0
         self._heard_s = self._heard_since_s = self._reported_s = 0.0
+        self._noticed: list[EventRow] = []
         self._queue: asyncio.Queue[_Work] = asyncio.Queue()
         self._task: asyncio.Task[None] | None = None
         self._ping = 0
@@ -270,6 +272,8 @@ class LiveSession:
             before = replace(self.vitals)
             self.vitals.visible, self.vitals.focused = message.visible, message.focused
             self.vitals.device = message.device
+            if message.focused != before.focused and before.focused is not None:
+                self._notice("focus_back" if message.focused else "focus_lost", "participant", {})
             if self.vitals != before:
                 self._around.changed(self.enrolment.participant)
             if self.enrolment.pace == "real_time":
@@ -336,6 +340,7 @@ class LiveSession:
             await self._commit(events=(self._event("view", "participant", {"name": message.name}),))
         elif isinstance(message, Pong) and message.n == self._ping:
             self.vitals.round_trip_ms = (self._around.now_unix_s() - self._pinged_s) * 1000.0
+            self._notice("round_trip", "lab", {"ms": round(self.vitals.round_trip_ms, 1)})
 
     async def _on_submit(self, client: Client, message: Submit) -> None:
         participant = self.enrolment.participant
@@ -505,6 +510,8 @@ class LiveSession:
         if report.missed or (report.late_ms or 0.0) > OVERRUN_MS:
             self.vitals.overruns += 1
             events.append(self._event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
+        noticed = tuple(self._noticed)
+        events = [*noticed, *events]
         changed = () if practice else self._advance_distractor(result.finished)
         rows: dict[str, Any] = {
             "ticks": () if practice else (row,),
@@ -528,6 +535,7 @@ class LiveSession:
             await self._commit(events=events, **rows)
             show_all()
             self.recent.add_tick(row)
+        del self._noticed[: len(noticed)]
 
     def _advance_distractor(self, finished: bool) -> tuple[Any, ...]:
         plan = self.enrolment.plan.trial(self.session.trial)
@@ -546,12 +554,20 @@ class LiveSession:
             await self._advance(Event("trial_done"), events=events, trials=trials, **rows)
 
     async def _closed_trial(self, outcome: Literal["completed", "aborted"]) -> TrialRow:
-        """The row of the trial that ends now."""
+        """The row of the trial that ends now, judged by the study's rules."""
         participant, trial = self.enrolment.participant, self.session.trial
-        found = await self._around.store.run(lambda store: store.rows_of("trials", participant, trial=trial))
+        found, stored = await self._around.store.run(
+            lambda store: (
+                store.rows_of("trials", participant, trial=trial),
+                store.rows_of("events", participant, trial=trial),
+            )
+        )
         row: TrialRow = found[0] if found else self._around.trial_row(trial)
+        ended_utc = self._around.now_utc()
         ticks, overruns = 0 if self._tick is None else self._tick + 1, self.vitals.overruns
-        return replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=self._around.now_utc())
+        row = replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=ended_utc)
+        expired = sum(alert.status == "expired" for alert in self._distractor.alerts)
+        return judged(row, (*stored, *self._noticed), expired, self._around.study.quality)
 
     async def _on_worker_exit(self, work: _Work) -> None:
         if work.payload != self._worker_epoch or self._worker is None:
@@ -603,6 +619,7 @@ class LiveSession:
         self._worker_epoch += 1
         self._worker_ready, self.scene_port, self.held, self._restarts = False, None, False, 0
         self.view, self._world, self._tick, self._trial_s = None, None, None, 0.0
+        self._noticed.clear()
         self.setup = None
         self.recent.forget_ticks()
         self._distractor = DistractorState(self._around.study.distractor)
@@ -691,7 +708,12 @@ class LiveSession:
         await self._around.store.run(
             lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
         )
-        self.recent.add_events(rows.get("events", ()))
+        self.recent.add_events(event for event in rows.get("events", ()) if event.kind != "round_trip")
+
+    def _notice(self, kind: str, source: Source, data: Mapping[str, Any]) -> None:
+        """Keep what is measured during a trial; it goes to disk with the next tick."""
+        if self.session.state == "trial":
+            self._noticed.append(self._event(kind, source, data))
 
     def _event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:
         in_trial = self.session.worker is not None

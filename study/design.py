@@ -30,6 +30,7 @@ from study.parts import (
     DemographicItem,
     DistractorSettings,
     Instructions,
+    QualityRules,
     RobotSettings,
     Texts,
 )
@@ -86,6 +87,7 @@ class Study(Part):
     arbiter: ArbiterSettings = ArbiterSettings()
     robot: RobotSettings = RobotSettings()
     distractor: DistractorSettings = DistractorSettings()
+    quality: QualityRules = QualityRules()
 
     hash: str = Field(default="", exclude=True)
     """SHA-256 of `source_text`: the file's bytes, when it has no questionnaires in files beside it."""

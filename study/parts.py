@@ -133,3 +133,17 @@ class DistractorSettings(Part):
     digits: int = number(default=4, ge=1, le=9)
     decimals: int = number(default=1, ge=0, le=4)
     """How many of the digits stand after the point."""
+
+
+class QualityRules(Part):
+    """When a trial counts as suspect: more than any of these. A rule that is left out has the default; to switch one
+    off, set it very high."""
+
+    max_round_trip_ms: float = number(default=150.0, gt=0.0, le=1e6)
+    """95th percentile of the time from the lab to the page and back."""
+    max_hidden_s: float = number(default=5.0, ge=0.0, le=1e6)
+    max_missed_ticks: int = number(default=10, ge=0, le=1_000_000)
+    """Ticks that started more than 50 ms late."""
+    max_focus_losses: int = number(default=3, ge=0, le=1_000_000)
+    max_pad_losses: int = number(default=1, ge=0, le=1_000_000)
+    max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)

@@ -34,6 +34,7 @@ def column(
     json: Literal["object", "array"] | None = None,
     least: int | None = None,
     most: int | None = None,
+    default: Any = dataclasses.MISSING,
 ) -> Any:
     """A dataclass field that carries its own documentation.
 
@@ -41,6 +42,7 @@ def column(
     number.
     """
     return field(
+        default=default,
         metadata={
             "description": description,
             "unit": unit,
@@ -48,7 +50,7 @@ def column(
             "json": json,
             "least": least,
             "most": most,
-        }
+        },
     )
 
 
@@ -72,12 +74,10 @@ class ParticipantRow:
     consent_hash: str | None = column("SHA-256 of the consent text agreed to")
     finished_utc: str | None = column("When the session ended; blank = it has not", unit=UTC)
     schema_version: int = column("Version of these row types")
-    kind: str = dataclasses.field(
+    kind: str = column(
+        "Enrolled for: the study itself, or a pilot or demo that is in an export only when asked for",
+        levels=("study", "pilot", "demo"),
         default="study",
-        metadata=column(
-            "Enrolled for: the study itself, or a pilot or demo that is in an export only when asked for",
-            levels=("study", "pilot", "demo"),
-        ).metadata,
     )
 
 
@@ -96,6 +96,25 @@ class TrialRow:
     overruns: int = column("Ticks that started more than 50 ms late", unit="ticks", least=0)
     started_utc: str | None = column("When the first tick started", unit=UTC)
     finished_utc: str | None = column("When the trial ended", unit=UTC)
+    quality: str | None = column(
+        "Automatic verdict by the [quality] rules of the study file; blank = not judged (running, or simulated)",
+        levels=("good", "suspect"),
+        default=None,
+    )
+    quality_broken: str | None = column(
+        "JSON: a sentence for each rule that was broken; blank = not judged", json="array", default=None
+    )
+    quality_override: str | None = column(
+        "An experimenter's verdict, which counts instead; blank = none", levels=("good", "suspect"), default=None
+    )
+    quality_reason: str | None = column("Why the experimenter overrode the verdict; blank = not done", default=None)
+    round_trip_ms: float | None = column(
+        "95th percentile of the page's round trips in the trial; blank = not measured", unit="ms", default=None
+    )
+    hidden_s: float | None = column("How long the page was hidden; blank = not judged", unit="s", default=None)
+    focus_losses: int | None = column("How often the page lost the focus; blank = not judged", least=0, default=None)
+    pad_losses: int | None = column("How often the gamepad was lost; blank = not judged", least=0, default=None)
+    unanswered_alerts: int | None = column("Readings that expired; blank = not judged", least=0, default=None)
 
 
 @dataclass(frozen=True)

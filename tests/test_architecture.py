@@ -31,7 +31,8 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.study_commands app.server app.api app.roster_api app.live_api app.sockets app.scene_proxy
+        app.__main__ app.study_commands app.server app.api app.roster_api app.results_api app.live_api app.sockets
+        app.scene_proxy
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
@@ -55,6 +56,7 @@ MODULES = {
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.overview
         study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
+        study.quality
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

@@ -1,0 +1,177 @@
+"""The HTTP API of what came of it: verdicts over trials and their overriding, counts, questionnaire scores."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections import defaultdict
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, FastAPI, HTTPException
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api import Experimenter, ExperimenterRoute, TheLab
+from app.surroundings import utc_text
+from study.design import Study
+from study.records import EventRow, StudyError, TrialRow
+from study.store import Store
+from study.surveys import score
+
+router = APIRouter(prefix="/api", tags=["results"], route_class=ExperimenterRoute)
+
+
+class VerdictLine(BaseModel):
+    """One ended trial. An experimenter's `override` counts instead of the automatic `quality`."""
+
+    participant: str
+    trial: int
+    condition: str
+    outcome: str
+    quality: str | None
+    broken: list[str]
+    override: str | None
+    reason: str | None
+    round_trip_ms: float | None
+    hidden_s: float | None
+    missed_ticks: int
+    focus_losses: int | None
+    pad_losses: int | None
+    unanswered_alerts: int | None
+
+
+class QualityReply(BaseModel):
+    """One page of the trials, newest participant first, beside how many there are."""
+
+    good: int
+    suspect: int
+    total: int
+    offset: int
+    lines: list[VerdictLine]
+
+
+class OverrideRequest(BaseModel):
+    """Another verdict, and why."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    verdict: Literal["good", "suspect"]
+    reason: Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+
+
+class ScoreLine(BaseModel):
+    """The mean score of a questionnaire under one condition, over `n` trials."""
+
+    instrument: str
+    condition: str
+    n: int
+    mean: float
+
+
+class SummaryReply(BaseModel):
+    """What there is of data. Pilot and demo participants are not counted."""
+
+    trials: dict[str, int]
+    alerts: dict[str, int]
+    scores: list[ScoreLine]
+
+
+def _line(row: TrialRow) -> VerdictLine:
+    return VerdictLine(
+        participant=row.participant,
+        trial=row.trial,
+        condition=row.condition,
+        outcome=row.outcome,
+        quality=row.quality,
+        broken=json.loads(row.quality_broken or "[]"),
+        override=row.quality_override,
+        reason=row.quality_reason,
+        round_trip_ms=row.round_trip_ms,
+        hidden_s=row.hidden_s,
+        missed_ticks=row.overruns,
+        focus_losses=row.focus_losses,
+        pad_losses=row.pad_losses,
+        unanswered_alerts=row.unanswered_alerts,
+    )
+
+
+@router.get("/quality")
+async def read_quality(
+    lab: TheLab,
+    who: Experimenter,
+    show: Literal["all", "good", "suspect"] = "all",
+    offset: Annotated[int, Field(ge=0)] = 0,
+    limit: Annotated[int, Field(ge=1, le=500)] = 50,
+) -> QualityReply:
+    """The verdict over every trial that has ended, pilots and demos included."""
+    # Beside the writing thread, here and in `summary`: ticks do not wait for it.
+    rows = await asyncio.to_thread(lambda: list(lab.store.store.rows("trials", include_demo=True, include_pilot=True)))
+    ended = [(row.quality_override or row.quality, row) for row in reversed(rows) if row.quality is not None]
+    shown = [row for verdict, row in ended if show in ("all", verdict)]
+    return QualityReply(
+        good=sum(verdict == "good" for verdict, _ in ended),
+        suspect=sum(verdict == "suspect" for verdict, _ in ended),
+        total=len(shown),
+        offset=offset,
+        lines=[_line(row) for row in shown[offset : offset + limit]],
+    )
+
+
+@router.post("/quality/{participant}/{trial}")
+async def override(participant: str, trial: int, body: OverrideRequest, lab: TheLab, who: Experimenter) -> VerdictLine:
+    """Let another verdict count, with the reason. The automatic one stays beside it, and an event says who and when."""
+    utc, reason = utc_text(time.time()), body.reason.strip()
+
+    def write(store: Store) -> TrialRow | None:
+        found = store.rows_of("trials", participant, trial=trial)
+        if not found or found[0].quality is None:
+            return None
+        row: TrialRow = replace(found[0], quality_override=body.verdict, quality_reason=reason)
+        data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict, "reason": reason}
+        event = EventRow(participant, trial, None, utc, "quality_override", "experimenter", json.dumps(data))
+        store.commit(trials=[row], events=[event])
+        return row
+
+    written = await lab.store.run(write)
+    if written is None:
+        raise HTTPException(404, f"no trial {trial} of {participant} that has ended")
+    return _line(written)
+
+
+@router.get("/summary")
+async def summary(lab: TheLab, who: Experimenter) -> SummaryReply:
+    """Trials by outcome, readings by what became of them, and mean questionnaire scores by condition."""
+    return await asyncio.to_thread(summarise, lab.store.store, lab.setup.study)
+
+
+def summarise(store: Store, study: Study) -> SummaryReply:
+    """What `GET /api/summary` answers; three passes over the record, however many participants."""
+    trials: dict[str, int] = {"completed": 0, "aborted": 0, "running": 0}
+    alerts: dict[str, int] = {"answered": 0, "expired": 0, "trial_ended": 0, "open": 0}
+    answers: dict[tuple[str, str, int, str], dict[str, int]] = defaultdict(dict)
+    with store.snapshot() as recorded:
+        for row in recorded.rows("trials"):
+            trials[row.outcome] += 1
+        for row in recorded.rows("alerts"):
+            alerts[row.status] += 1
+        for row in recorded.rows("survey_answers"):
+            if row.condition is not None and row.value.isdecimal():
+                answers[row.participant, row.condition, row.trial, row.instrument][row.item] = int(row.value)
+    forms = {form.id: form for form in study.instruments}
+    scores: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for (_, condition, _, instrument), given in answers.items():
+        try:
+            scores[instrument, condition].append(score(forms.get(instrument, instrument), given))
+        except StudyError:
+            continue  # half a questionnaire, or one this study does not know, has no score
+    lines = [
+        ScoreLine(instrument=instrument, condition=condition, n=len(values), mean=sum(values) / len(values))
+        for (instrument, condition), values in sorted(scores.items())
+    ]
+    return SummaryReply(trials=trials, alerts=alerts, scores=lines)
+
+
+def add_results_api(app: FastAPI) -> None:
+    """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.include_router(router)

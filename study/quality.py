@@ -1,0 +1,117 @@
+"""Whether a trial went as it should: a verdict by the study file's rules, from what was recorded. Pure.
+
+What is measured comes from the events between the trial's first tick and its end: the page's round trips
+(`round_trip`), when it was hidden (`page_hidden`, `page_visible`), when it lost the focus (`focus_lost`) or the gamepad
+(`pad_unplugged`), and from the late ticks and the alerts of the trial.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Literal
+
+from study.parts import QualityRules
+from study.records import EventRow, TrialRow
+
+Verdict = Literal["good", "suspect"]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the rules are about. `round_trip_ms` is the 95th percentile; None = never measured (as in lockstep)."""
+
+    round_trip_ms: float | None
+    hidden_s: float
+    missed_ticks: int
+    focus_losses: int
+    pad_losses: int
+    unanswered_alerts: int
+
+
+def measure(
+    events: Iterable[EventRow], *, started_utc: str, ended_utc: str, missed_ticks: int, unanswered_alerts: int
+) -> Measured:
+    """What happened in a trial. `events` are the participant's in order; those outside the trial's time are left out,
+    but a page that was hidden before its start counts as hidden from the start on."""
+    started, ended = _seconds(started_utc), _seconds(ended_utc)
+    trips: list[float] = []
+    counted = {"focus_lost": 0, "pad_unplugged": 0}
+    hidden_s, hidden_since = 0.0, None
+    for event in events:
+        at = _seconds(event.utc)
+        if at > ended:
+            continue
+        if event.kind == "page_hidden" and hidden_since is None:
+            hidden_since = at
+        elif event.kind in ("page_visible", "connected", "tab_taken_over") and hidden_since is not None:
+            hidden_s += max(0.0, at - max(hidden_since, started))
+            hidden_since = None
+        elif at >= started and event.kind in counted:
+            counted[event.kind] += 1
+        elif at >= started and event.kind == "round_trip":
+            trips.append(float(json.loads(event.data)["ms"]))
+    if hidden_since is not None:
+        hidden_s += ended - max(hidden_since, started)
+    trips.sort()
+    return Measured(
+        round_trip_ms=trips[math.ceil(0.95 * len(trips)) - 1] if trips else None,
+        hidden_s=round(hidden_s, 3),
+        missed_ticks=missed_ticks,
+        focus_losses=counted["focus_lost"],
+        pad_losses=counted["pad_unplugged"],
+        unanswered_alerts=unanswered_alerts,
+    )
+
+
+def broken_rules(rules: QualityRules, measured: Measured) -> tuple[str, ...]:
+    """One sentence for each rule the trial broke; none = the verdict is good."""
+    checks = (
+        ("round trip (95th percentile)", measured.round_trip_ms, rules.max_round_trip_ms, "ms"),
+        ("page hidden", measured.hidden_s, rules.max_hidden_s, "s"),
+        ("late ticks", measured.missed_ticks, rules.max_missed_ticks, ""),
+        ("focus lost", measured.focus_losses, rules.max_focus_losses, "times"),
+        ("gamepad lost", measured.pad_losses, rules.max_pad_losses, "times"),
+        ("readings unanswered", measured.unanswered_alerts, rules.max_unanswered_alerts, ""),
+    )
+    return tuple(
+        f"{what}: {value:g} {unit}, at most {most:g} allowed".replace(" ,", ",")
+        for what, value, most, unit in checks
+        if value is not None and most is not None and value > most
+    )
+
+
+def verdict(broken: tuple[str, ...]) -> Verdict:
+    """The word for it."""
+    return "suspect" if broken else "good"
+
+
+def judged(row: TrialRow, events: Iterable[EventRow], unanswered_alerts: int, rules: QualityRules) -> TrialRow:
+    """The row of a trial that has ended, with its verdict; one that never began is returned as it is."""
+    if row.started_utc is None or row.finished_utc is None:
+        return row
+    measured = measure(
+        events,
+        started_utc=row.started_utc,
+        ended_utc=row.finished_utc,
+        missed_ticks=row.overruns,
+        unanswered_alerts=unanswered_alerts,
+    )
+    broken = broken_rules(rules, measured)
+    return replace(
+        row,
+        quality=verdict(broken),
+        quality_broken=json.dumps(broken),
+        round_trip_ms=measured.round_trip_ms,
+        hidden_s=measured.hidden_s,
+        focus_losses=measured.focus_losses,
+        pad_losses=measured.pad_losses,
+        unanswered_alerts=measured.unanswered_alerts,
+    )
+
+
+def _seconds(utc: str) -> float:
+    return datetime.fromisoformat(utc.replace("Z", "+00:00")).timestamp()
