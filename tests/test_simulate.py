@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +21,7 @@ from study.design import orders
 from study.export import read_meta, read_table
 from study.records import TABLES
 
+ROOT = Path(__file__).resolve().parent.parent
 SMALL = {"": {"pickups_per_trial": 1}, **preset_changes("fitted")}
 
 
@@ -90,7 +96,7 @@ def test_a_participant_who_was_being_written_is_done_again(export: Path, tmp_pat
     part.mkdir()
     half = part / f"00000.{os.getpid() + 1}"
     half.mkdir()
-    (part / "settings.json").write_text(__import__("json").dumps(small_plan().settings()))
+    (part / "settings.json").write_text(json.dumps(small_plan().settings()))
     simulate(small_plan(), 3, 1, out, "fitted")
     assert files(out) == files(export)
 
@@ -98,7 +104,7 @@ def test_a_participant_who_was_being_written_is_done_again(export: Path, tmp_pat
 def test_what_waits_of_another_simulation_is_not_mixed_in(tmp_path: Path) -> None:
     part = tmp_path / "out.part"
     part.mkdir()
-    (part / "settings.json").write_text(__import__("json").dumps(small_plan(8).settings()))
+    (part / "settings.json").write_text(json.dumps(small_plan(8).settings()))
     with pytest.raises(LabError, match=r"unfinished simulation with another seed"):
         simulate(small_plan(7), 1, 1, tmp_path / "out", "fitted")
 
@@ -138,6 +144,41 @@ def _dies(job: int) -> None:
 def test_a_process_that_dies_is_told_in_a_line() -> None:
     with pytest.raises(LabError, match="what is done is kept"):
         list(run_jobs(_dies, [1, 2], 2))
+
+
+LEFT_ALONE = """
+import os, sys, time
+from app.simulate import run_jobs
+import tests.slow_job
+if __name__ == "__main__":
+    for job, pid in run_jobs(tests.slow_job.tell_and_sleep, [1, 2], 2):
+        pass
+"""
+
+
+def test_processes_end_when_the_command_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "command.py"
+    script.write_text(LEFT_ALONE)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TELL_PIDS_IN": str(tmp_path)}
+    with subprocess.Popen([sys.executable, str(script)], env=environment) as command:
+        pids = wait_for(lambda: [int(path.suffix[1:]) for path in tmp_path.glob("pid.*")], 2)
+        command.kill()
+    wait_for(lambda: [pid for pid in pids if not alive(pid)], 2)
+
+
+def wait_for(found: Callable[[], list[int]], count: int) -> list[int]:
+    deadline_s = time.monotonic() + 60.0
+    while len(found()) < count:
+        assert time.monotonic() < deadline_s, f"found {found()}"
+        time.sleep(0.05)  # other processes, no event to wait for
+    return found()
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 @pytest.mark.parametrize(
