@@ -74,7 +74,9 @@ export class Rows {
         this.rows.set(session.participant, row);
         this.fresh.push(row.element);
       }
-      this._fill(this.rows.get(session.participant), session);
+      const row = this.rows.get(session.participant);
+      if (row.shown !== session) this._fill(row, session); // the feed keeps the object of a session that did not change
+      row.shown = session;
     }
     this.body.prepend(...this.fresh);
     for (const [participant, row] of this.rows) {
