@@ -4,6 +4,7 @@ import { Api } from "./dashboard_api.js";
 import { Rows } from "./dashboard_rows.js";
 import { copyButton } from "./copy.js";
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+import { Results } from "./results.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
 import { Live } from "./live.js";
@@ -24,6 +25,7 @@ function login(problem = "") {
   clearInterval(timer);
   live.stop();
   roster.stop();
+  results.stop();
   leave.hidden = true;
   const fieldId = freshId("token");
   const field = h("input", { id: fieldId, type: "password", autocomplete: "off", spellcheck: "false", data: { testid: "token-input" } });
@@ -55,6 +57,7 @@ async function enter() {
   }
 }
 
+const results = new Results({ api, toasts });
 const roster = new Roster({ api, toasts, onActed: () => poll() });
 const rows = new Rows({
   onPause: (participant) => act(participant, "pause", {
@@ -117,7 +120,8 @@ async function poll() {
 function board() {
   leave.hidden = false;
   roster.start();
-  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard(), roster.element));
+  results.start();
+  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard(), roster.element, results.element));
 }
 
 function createCard() {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,7 @@ import pytest
 from study.design import load_study
 from study.store import open_store
 from tests.lab_server import LabServer
-from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC
+from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC, answer_row, trial_row
 from tests.test_roster_api import make_done
 from tests.wire_client import invite, write_study
 
@@ -150,3 +152,33 @@ def test_a_thousand_participants_are_turned_through_page_by_page(
     page.get_by_text("1–1 of 1").wait_for()
     page.get_by_test_id("roster-show").select_option("done")
     page.get_by_test_id("roster-range").get_by_text("Nobody").wait_for()
+
+
+def test_a_verdict_is_shown_and_overridden_with_a_reason(page: Page, lab: LabServer, screenshot_dir: Path) -> None:
+    who = invite(lab)["participant"]
+    ended = "2026-01-01T00:01:00Z"
+    row = trial_row(who, outcome="completed", finished_utc=ended, quality="suspect", hidden_s=9.5, unanswered_alerts=0)
+    row = replace(row, quality_broken=json.dumps(["page hidden: 9.5 s, at most 5 allowed"]))
+    scales = ("mental_demand", "physical_demand", "temporal_demand", "performance", "effort", "frustration")
+    with open_store(lab.data_dir) as store:
+        store.commit(trials=[row], answers=[answer_row(who, item, "5") for item in scales])
+    opened(page, lab)
+    shown = page.get_by_test_id("quality-row")
+    shown.get_by_text("page hidden: 9.5 s, at most 5 allowed").wait_for()
+    assert "1 completed" in page.get_by_test_id("summary").inner_text()
+    assert page.get_by_test_id("scores").locator("tbody tr").inner_text().split() == [
+        "tlx_raw",
+        "balanced",
+        "5.00",
+        "1",
+    ]
+    shown.get_by_test_id("override").click()
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_text("Give a reason.").wait_for()
+    page.get_by_test_id("override-dialog").get_by_role("textbox").fill(SCRIPT)
+    page.get_by_test_id("dialog-confirm").click()
+    told(page, f"Trial 1 of {who} counts as good.")
+    shown.get_by_text(f"Overridden: {SCRIPT} (automatic: suspect)").wait_for()
+    assert page.get_by_test_id("verdicts").inner_text() == "1 good, 0 suspect"
+    page.get_by_test_id("results").screenshot(path=screenshot_dir / "results.png")
+    assert page.evaluate("window.broken") is None
