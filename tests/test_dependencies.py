@@ -6,7 +6,8 @@ import ast
 import importlib.metadata
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 
 if sys.version_info >= (3, 11):
@@ -61,10 +62,17 @@ def imported(folders: tuple[str, ...]) -> Iterator[tuple[str, str]]:
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", top
 
 
+@lru_cache(maxsize=1)
+def installed() -> Mapping[str, list[str]]:
+    """Top-level module to packages; reading this takes seconds."""
+    return importlib.metadata.packages_distributions()
+
+
+@cache
 def packages_of(module: str) -> set[str]:
     """The packages a module may come from; its own name if it is not installed."""
     parent = COMES_WITH.get(module)
-    found = [parent] if parent else importlib.metadata.packages_distributions().get(module, [module])
+    found = [parent] if parent else installed().get(module, [module])
     return {normal(name) for name in found}
 
 
