@@ -8,6 +8,7 @@ import json
 import os
 import socket
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,7 +55,14 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("--data", type=Path, default=defaults.data_dir, help="folder of the database")
     export.add_argument("--out", type=Path, required=True, help="folder to write into, or the archive with --zip")
     export.add_argument("--zip", action="store_true", help="write one archive instead: OUT, with .zip at its end")
+    export.add_argument("--pilot", action="store_true", help="pilot participants too")
     export.set_defaults(run=_export)
+
+    erase = commands.add_parser("erase", help="delete everything about one participant, for good")
+    erase.add_argument("--data", type=Path, default=defaults.data_dir, help="folder of the database; no lab runs on it")
+    erase.add_argument("--participant", required=True, metavar="ID", help="such as P001")
+    erase.add_argument("--yes", action="store_true", help="do it; without this nothing is deleted")
+    erase.set_defaults(run=_erase)
 
     _add_simulate(commands)
     _add_fit(commands)
@@ -240,8 +248,20 @@ def _export(options: argparse.Namespace) -> None:
     if options.zip and out.suffix != ".zip":
         out = out.with_name(out.name + ".zip")
     with open_store(options.data, must_exist=True) as store:
-        (export_zip if options.zip else export)(store, out)
+        (export_zip if options.zip else export)(store, out, include_pilot=options.pilot)
     print(f"exported to {out}")
+
+
+def _erase(options: argparse.Namespace) -> None:
+    from app.surroundings import utc_text
+    from study.store import open_store
+
+    with open_store(options.data, exclusive=True, must_exist=True) as store:
+        store.session(options.participant)  # says so when there is none
+        if not options.yes:
+            raise LabError(f"{options.participant} would be erased for good; say --yes to do it")
+        store.erase(options.participant, utc_text(time.time()))
+    print(f"erased {options.participant}: only the mark that there was one is left")
 
 
 def _simulate(options: argparse.Namespace) -> None:

@@ -16,7 +16,10 @@ import pytest
 
 from app.__main__ import _listen, main
 from app.config import LabConfig
+from study.export import read_table
+from study.store import open_store
 from tests.lab_server import ROOT, LabDidNotStart, LabServer
+from tests.study_samples import UTC, shipped_study
 from tests.wire_client import invite, write_study
 
 QUICK = ("--robot", "kinematic", "--no-scene")
@@ -216,3 +219,42 @@ async def test_what_the_lab_sends_leaves_at_once() -> None:
             _, writer = await asyncio.open_connection(*listener.getsockname())
             assert await asyncio.wait_for(options.get(), 5.0) != 0
             writer.close()
+
+
+# --- erasing -----------------------------------------------------------------------------------------------------
+
+
+def test_erase_says_what_it_would_do_and_does_it_with_yes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = tmp_path / "data"
+    erase = ("erase", "--data", str(data), "--participant")
+    assert "no lab data here" in fails(capsys, *erase, "P001", "--yes")
+    assert not (data / "lab.sqlite").exists()
+    with open_store(data, exclusive=True) as store:
+        for number, kind in enumerate(("study", "pilot")):
+            store.create_participant(
+                shipped_study(),
+                seed=number,
+                public_id=f"{number}",
+                utc=UTC,
+                kind=kind,  # type: ignore[arg-type]
+                identities={"label": "Ada of the Dentist"} if kind == "study" else None,
+            )
+        assert "another lab is running" in fails(capsys, *erase, "P001", "--yes")
+    assert "no participant 'P009'" in fails(capsys, *erase, "P009", "--yes")
+    assert "--yes" in fails(capsys, *erase, "P001")
+    assert main([*erase, "P001", "--yes"]) == 0
+    assert "erased P001" in capsys.readouterr().out
+    with open_store(data, must_exist=True) as store:
+        assert [each.participant for each in store.sessions()] == ["T002"]
+        assert [name for name, _ in store.erasures()] == ["P001"]
+    assert all(b"Ada of the Dentist" not in file.read_bytes() for file in data.iterdir())
+
+
+def test_pilots_are_exported_when_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with open_store(tmp_path / "data") as store:
+        store.create_participant(shipped_study(), seed=1, public_id="p", utc=UTC, kind="pilot")
+    for flags, people in (((), 0), (("--pilot",), 1)):
+        out = tmp_path / f"out{people}"
+        assert main(["export", "--data", str(tmp_path / "data"), "--out", str(out), *flags]) == 0
+        assert len(read_table(out, "participants")) == people
+    assert "exported" in capsys.readouterr().out
