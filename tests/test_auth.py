@@ -34,6 +34,11 @@ EXPERIMENTERS_ROUTES = [
     ("POST", "/api/sessions/{participant}/pause"),
     ("POST", "/api/sessions/{participant}/resume"),
     ("POST", "/api/sessions/{participant}/abort"),
+    ("GET", "/api/sessions/{participant}/heatmap"),
+    ("POST", "/api/sessions/{participant}/note"),
+    ("POST", "/api/sessions/{participant}/mark"),
+    ("POST", "/api/sessions/{participant}/message"),
+    ("POST", "/api/sessions/{participant}/help_seen"),
 ]
 OPEN_ROUTES = {"/api/health", "/api/protocol", "/api/arbiter/evaluate"}
 
@@ -116,7 +121,7 @@ def test_without_the_token_every_answer_is_the_same_403(
     answers = set()
     for participant in (someone["participant"], "P999", "no-such"):
         for content in (b"", b"{", b"{}", b'{"reason": "because"}'):
-            response = client.request(method, path.format(participant=participant), content=content, headers=headers)
+            response = client.request(method, path.format(participant=participant, trial=1), content=content, headers=headers)
             answers.add((response.status_code, response.text))
     assert len(answers) == 1
     status, text = answers.pop()
