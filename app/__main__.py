@@ -189,6 +189,7 @@ async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-
         create_app(lab),
         log_level="warning",
         access_log=False,  # links carry tokens
+        ws="websockets-sansio",
         ws_max_size=16 * MAX_MESSAGE_BYTES,  # larger than we take, so that too large is answered and not cut off
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=3,

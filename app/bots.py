@@ -45,8 +45,6 @@ from app.trial import OperatorInput
 ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000
 """A trial takes a few hundred ticks; after this many the bot is stuck and says so."""
-BACK_OUT_TICKS = 6
-"""Where the arm can go no further, the bot moves it forward this far and tries again."""
 
 
 class BotError(LabError):
@@ -228,8 +226,6 @@ class Bot:
         self._ready = False
         self._seq = 0
         self._phase_ticks = 0
-        self._blocked_ticks = 0
-        self._backing_ticks = 0
         self._pending: dict[str, str] = {}
         self._wrong_tries: dict[str, int] = {}
         self._given_up: set[str | None] = set()
@@ -301,9 +297,6 @@ class Bot:
         self._phase_ticks += 1
         if self._phase_ticks > MAX_PHASE_TICKS:
             raise BotError(f"gave up after {MAX_PHASE_TICKS} ticks in one trial, at: {tick.instruction.text}")
-        self._blocked_ticks = self._blocked_ticks + 1 if tick.blocked else 0
-        if self._blocked_ticks >= 3:
-            self._blocked_ticks, self._backing_ticks = 0, BACK_OUT_TICKS
         if self._panel is not None:
             self.report.alerts += await self._panel.catch_up()
         if tick.status != "finished":
@@ -317,9 +310,6 @@ class Bot:
             release_m = world.bins_m[task.bin] if task.bin else self._release(world, task)
             sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
             act = self._pilot.act(task.object, sight)
-            if self._backing_ticks and act.gripper is None:
-                self._backing_ticks -= 1
-                act = OperatorInput((1, 0, 0))
         self._seq += 1
         await self._wire.send(Input(seq=self._seq, client_ms=0.0, direction=act.direction, gripper=act.gripper))
 

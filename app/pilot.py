@@ -19,6 +19,9 @@ CLEARANCE_M = 0.06
 """How far an object is lifted at least before it is carried."""
 CARRY_X_M = 0.66
 """How far from the robot things are carried sideways: in front of everything on the table."""
+STUCK_M = 0.001
+STUCK_TICKS = 3
+BACK_OUT_TICKS = 3
 PRACTICE_OFFSET_M = 0.16
 """How far to the side the practice object is put down."""
 
@@ -46,9 +49,33 @@ class Pilot:
         self._near_m = 0.6 * step_m
         self._rest_m: Point = (0.0, 0.0, 0.0)
         self._legs_done = 0
+        self._was_m: Point | None = None
+        self._stuck_ticks = 0
+        self._backing_ticks = 0
 
     def act(self, object_id: str, sight: Sight) -> OperatorInput:
-        """The input for the next tick."""
+        """The input for the next tick.
+
+        With the hands off an arbiter may bring a carried object close before the robot, where there is a hole in the
+        arm's reach. When it does not move any more there, it is first driven out, away from the robot.
+        """
+        unmoved = self._was_m is not None and all(
+            abs(here - was) < STUCK_M for here, was in zip(sight.position_m, self._was_m, strict=True)
+        )
+        self._stuck_ticks = self._stuck_ticks + 1 if unmoved else 0
+        self._was_m = None
+        carried_too_close = sight.held == object_id and sight.position_m[0] < CARRY_X_M
+        if self._stuck_ticks >= STUCK_TICKS and carried_too_close:
+            self._stuck_ticks, self._backing_ticks = 0, BACK_OUT_TICKS
+        act = self._next(object_id, sight)
+        if self._backing_ticks and act.gripper is None:
+            self._backing_ticks -= 1
+            act = OperatorInput((1, 0, 0))
+        if act.direction is not None:
+            self._was_m = sight.position_m
+        return act
+
+    def _next(self, object_id: str, sight: Sight) -> OperatorInput:
         if sight.held == object_id:
             return self._carry(sight)
         self._legs_done = 0
@@ -87,6 +114,9 @@ class Pilot:
                 target_m[axis] = value_m
                 return self._move(sight, (target_m[0], target_m[1], target_m[2]))
             self._legs_done += 1
+        if sight.release_m is not None and not all(map(self._near, sight.position_m, sight.release_m)):
+            self._legs_done = 1  # moved off meanwhile, by somebody else
+            return self._carry(sight)
         return OperatorInput(gripper="open")
 
     def _move(self, sight: Sight, target_m: Point) -> OperatorInput:

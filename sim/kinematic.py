@@ -170,6 +170,12 @@ class KinematicRobot:
         """Forget the world; may be called twice."""
         self._scene = None
 
+    def __enter__(self) -> KinematicRobot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def _world(self) -> SceneSpec:
         if self._scene is None:
             raise SimError("the robot has no world; call reset(scene) first")

@@ -180,6 +180,8 @@ class BrowserPerson:
             task = tick["instruction"]
             if tick["status"] == "running" and task["object"] in world["objects_m"]:
                 act = pilot.act(task["object"], self._sight(world, task))
+                if tick["blocked"] and world["held"]:
+                    act = OperatorInput((1, 0, 0))  # too close before the robot: out first
             self.hold(act.direction or NOTHING)
             if act.gripper is not None:
                 self.press_gripper(act.gripper)
