@@ -32,6 +32,8 @@ from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
 
 PROBE_EVERY_S = 2.0
+DESERTED_S = 600.0
+"""A session without a page for this long gives its worker back; it comes back with its page."""
 ROLES = ("participant", "panel")
 
 
@@ -374,10 +376,19 @@ class Lab:
     async def _probe_sessions(self) -> None:
         while True:
             await asyncio.sleep(PROBE_EVERY_S)
-            for session in self._live.values():
+            for session in tuple(self._live.values()):
                 session.check_worker()
                 if session.connected:
                     session.probe()
+            await self.let_go(DESERTED_S)
+
+    async def let_go(self, deserted_s: float) -> None:
+        """Close the sessions nobody has been connected to for so long, and with them their workers."""
+        for participant, session in tuple(self._live.items()):
+            if session.deserted(deserted_s):
+                async with self._opening.setdefault(participant, asyncio.Lock()):
+                    if session.deserted(deserted_s) and self._live.pop(participant, None) is not None:
+                        await session.close()
 
 
 def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:

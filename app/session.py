@@ -106,6 +106,7 @@ class LiveSession:
         self._worker_ready = False
         self._restarts = 0
         self._heard_s = self._heard_since_s = self._reported_s = 0.0
+        self._left_s = around.now_unix_s()
         self._noticed: list[EventRow] = []
         self._queue: asyncio.Queue[_Work] = asyncio.Queue()
         self._task: asyncio.Task[None] | None = None
@@ -182,6 +183,11 @@ class LiveSession:
         """Whether the participant's page is connected."""
         return self._audience.participant is not None
 
+    def deserted(self, for_s: float) -> bool:
+        """Whether nobody has been connected for so long. It can then be closed: it is brought back where it was."""
+        alone = not self.connected and not self.panel_connected and self._queue.empty()
+        return alone and self._around.now_unix_s() - self._left_s > for_s
+
     @property
     def panel_connected(self) -> bool:
         """Whether the second device is connected."""
@@ -246,6 +252,7 @@ class LiveSession:
         client = _present(work.client)
         if not self._audience.leave(client):
             return
+        self._left_s = self._around.now_unix_s()
         event = self._event("disconnected", "participant", {"role": client.role, "client": client.name})
         if client.role == "participant" and not self.session.is_over:
             await self._advance(Event("connection_lost"), events=(event,))
@@ -643,7 +650,7 @@ class LiveSession:
         before = self.session
         after, effects = protocol.advance(before, event, self._around.now_unix_s())
         if after != before:
-            data = {"event": event.name, "from": before.state, "to": after.state}
+            data = {"event": event.name, "from": before.state, "to": after.state, "reason": event.reason}
             events = (*events, self._event("state", "lab", data))
         if after.is_over:
             rows["finished_utc"] = self._around.now_utc()
