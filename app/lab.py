@@ -280,7 +280,8 @@ class Lab:
                 await session.open()
                 self._live[participant] = session
                 self.changed(participant)
-        return self._live[participant]
+            self._live[participant].expect()
+            return self._live[participant]
 
     async def command(self, participant: str, event: Event, by: str) -> LiveSession:
         """An experimenter's pause, resume or abort.

@@ -183,6 +183,10 @@ class LiveSession:
         """Whether the participant's page is connected."""
         return self._audience.participant is not None
 
+    def expect(self) -> None:
+        """Somebody is about to connect."""
+        self._left_s = self._around.now_unix_s()
+
     def deserted(self, for_s: float) -> bool:
         """Whether nobody has been connected for so long. It can then be closed: it is brought back where it was."""
         alone = not self.connected and not self.panel_connected and self._queue.empty()

@@ -19,6 +19,7 @@ from app.config import LabConfig
 from app.lab import Lab
 from app.messages import Input, Message, Page, Status, Submit, Tick
 from app.session import LiveSession
+from study.protocol import Event
 from study.records import TickRow
 from study.store import Store
 from tests.lab_server import LabServer
@@ -357,3 +358,24 @@ async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monk
         assert reading.due_trial_s == 10.0
         kinds = [row.kind for row in lab.store.store.rows_of("events", invitation.participant)]
         assert "replay_mismatch" not in kinds
+
+
+async def test_a_deserted_session_gives_its_worker_back_and_returns_where_it_was(tmp_path: Path) -> None:
+    async with lab_in_here(tmp_path) as lab:
+        invitation = await lab.invite()
+        stored_session = await lab.stored_session(invitation.participant)
+        session = await lab.session(stored_session)
+        page = LocalPage(session)
+        session.attach(page)
+        await page.until(Page, state="consent")
+        await lab.let_go(-1.0)
+        assert lab.live_session(invitation.participant) is session, "a page is connected"
+        session.detach(page)
+        await lab.command(invitation.participant, Event("experimenter_pause"), "test")
+        await lab.let_go(3600.0)
+        assert lab.live_session(invitation.participant) is session, "it was here a moment ago"
+        await lab.let_go(-1.0)
+        assert lab.live_session(invitation.participant) is None
+        again = await lab.session(stored_session)
+        assert again is not session
+        assert (again.session.state, again.session.place) == ("paused", "consent")
