@@ -121,7 +121,9 @@ def test_without_the_token_every_answer_is_the_same_403(
     answers = set()
     for participant in (someone["participant"], "P999", "no-such"):
         for content in (b"", b"{", b"{}", b'{"reason": "because"}'):
-            response = client.request(method, path.format(participant=participant, trial=1), content=content, headers=headers)
+            response = client.request(
+                method, path.format(participant=participant, trial=1), content=content, headers=headers
+            )
             answers.add((response.status_code, response.text))
     assert len(answers) == 1
     status, text = answers.pop()
