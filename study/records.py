@@ -135,6 +135,12 @@ class TaskRow:
     last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial", least=0)
 
 
+_USER = (
+    "User input along {}: -1, 0 or 1; blank = none taken into account: hands off, controls ignored for a reading, "
+    "or a gripper or reset tick (see source)"
+)
+
+
 @dataclass(frozen=True)
 class TickRow:
     """One 2 Hz decision. p and m are the state x at the start of the tick, belief and entropy are after its update."""
@@ -147,16 +153,19 @@ class TickRow:
     tick: int = column("Tick number in the trial, from 0", least=0)
     cycle: int = column("Pick-and-place cycle in the trial, from 1; each starts in a fresh physics world", least=1)
     trial_s: float = column("Trial time at the start of the tick; stands still while paused", unit="s", least=0)
-    goal: str | None = column("Instructed goal (object or bin id); blank while the arm resets")
+    goal: str | None = column(
+        "Instructed goal (object or bin id); blank while the arm resets. It is no candidate, and so not in `belief`, "
+        "while a pickup's object is held and not yet lifted, and after a dropoff's object was let go"
+    )
     p_x: float = column("Gripper position at the start of the tick, world frame", unit="m")
     p_y: float = column("Gripper position at the start of the tick, world frame", unit="m")
     p_z: float = column("Gripper position at the start of the tick, world frame", unit="m")
     m_x: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
     m_y: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
     m_z: float = column("Direction executed in the last tick; 0 after gripper, reset, block or pause", unit="1")
-    user_x: int | None = column("User input along x: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
-    user_y: int | None = column("User input along y: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
-    user_z: int | None = column("User input along z: -1, 0 or 1; blank = no input", unit="1", least=-1, most=1)
+    user_x: int | None = column(_USER.format("x"), unit="1", least=-1, most=1)
+    user_y: int | None = column(_USER.format("y"), unit="1", least=-1, most=1)
+    user_z: int | None = column(_USER.format("z"), unit="1", least=-1, most=1)
     action_x: int | None = column(
         "Action taken, x; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
     )
