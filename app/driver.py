@@ -49,6 +49,8 @@ ASIDE_M = 0.25
 BIN_TOLERANCE_M = 0.05
 CARRY_TOLERANCE_M = 0.02
 LIFT_MARGIN_M = 0.015
+TOO_HIGH_M = 0.05
+"""Higher than this above where things are carried, the arm folds too far to come back over the bins."""
 STUCK_M = 0.001
 _AXES = (0, 1, 2)
 _PAUSE_MOST = 4
@@ -271,9 +273,10 @@ class Driver:
         exact_m = max(self._traits.tolerance_m, 0.55 * self._step_m)
         aligned = abs(here_m[1] - y_m) <= exact_m and abs(here_m[2] - z_m) <= exact_m
         if aligned:
-            return _Leg(
-                (x_m - STANDOFF_M, y_m, z_m), (0,), self._traits.tolerance_m, "close", careful=True, moving_in=True
-            )
+            target_m = (x_m - STANDOFF_M, y_m, z_m)
+            between = target_m[0] - exact_m <= here_m[0] <= x_m + STANDOFF_M  # nothing is left but to close
+            axes: tuple[int, ...] = () if between else (0,)
+            return _Leg(target_m, axes, self._traits.tolerance_m, "close", careful=True, moving_in=True)
         line_up_x_m = x_m - APPROACH_M
         if here_m[0] > x_m - DEEP_M and abs(here_m[1] - y_m) > 2.0 * exact_m:
             return _Leg((line_up_x_m, y_m, z_m), (0,), CARRY_TOLERANCE_M, "close")
@@ -290,7 +293,7 @@ class Driver:
             return (up, aside, down)[min(self._carry_leg, 2)]
         x_m, y_m, z_m = sight.release_m
         lifted_m = max(z_m, rest_z_m + CLEARANCE_M)
-        if here_m[2] < lifted_m - LIFT_MARGIN_M:
+        if not -LIFT_MARGIN_M <= here_m[2] - lifted_m <= TOO_HIGH_M:
             return _Leg((x_m, y_m, lifted_m), (2,), LIFT_MARGIN_M, "open")
         aside_m = here_m[1] * (1.0 if y_m > 0.0 else -1.0)
         far = abs(here_m[1] - y_m) > BIN_TOLERANCE_M
