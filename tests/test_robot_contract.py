@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
@@ -279,7 +280,9 @@ def test_grasp_lift_carry_and_drop_into_the_bin(
 @pytest.mark.parametrize("layout", layouts.LAYOUTS.values(), ids=list(layouts.LAYOUTS))
 @pytest.mark.parametrize("object_id", IDS)
 def test_every_object_from_every_slot_into_every_bin(robot: Robot, layout: layouts.Layout, object_id: str) -> None:
-    for slot in range(layouts.SLOTS):
+    """With physics one slot an object, so that each is tried once; all 144 with SALAB_FULL_SWEEP=1 (minutes)."""
+    whole = isinstance(robot, KinematicRobot) or bool(os.environ.get("SALAB_FULL_SWEEP"))
+    for slot in range(layouts.SLOTS) if whole else (IDS.index(object_id),):
         shift = (IDS.index(object_id) - slot) % len(IDS)
         scene = layouts.scene(layout, IDS[shift:] + IDS[:shift])
         for item in scene.bins:
