@@ -195,10 +195,16 @@ class BrowserPerson:
         held = world["held"]
         return Sight(self._ahead(world), held, world["gripper"], tuple(world["objects_m"][task["object"]]), release_m)
 
-    def go_to(self, target_m: tuple[float | None, float | None, float | None], limit: int = 120) -> None:
-        """Drive straight to a point; None leaves an axis alone. Readings that appear are logged on the way."""
+    def go_to(self, target_m: tuple[float | None, float | None, float | None], limit: int = 120) -> bool:
+        """Drive straight to a point; None leaves an axis alone. Readings that appear are logged on the way.
+
+        Returns False when the trial ended before.
+        """
         for _ in range(limit):
             world, tick = self.next_tick()
+            if tick["status"] == "finished":
+                self.hold(NOTHING)
+                return False
             if self.answer_alert() or tick["status"] != "running":
                 continue
             here_m = self._ahead(world)
@@ -207,7 +213,7 @@ class BrowserPerson:
                 for here, there in zip(here_m, target_m, strict=True)
             )
             if not any(direction) and not any(self._held):
-                return
+                return True
             self.hold((direction[0], direction[1], direction[2]))
         raise AssertionError(f"did not reach {target_m} in {limit} ticks; last: {world}, {tick}")
 
@@ -226,8 +232,8 @@ class BrowserPerson:
         world, tick = self.next_tick()
         x_m, y_m, z_m = world["objects_m"][tick["instruction"]["object"]]
         self.press_gripper("close")
-        self.go_to((x_m - 0.14, None, None))
-        self.go_to((None, y_m, z_m + top_m))
+        if not (self.go_to((x_m - 0.14, None, None)) and self.go_to((None, y_m, z_m + top_m))):
+            return  # the robot, helping with closed fingers, has done it already
         for _ in range(60):
             _, tick = self.next_tick()
             if tick["done_tasks"] or tick["status"] in ("finished", "resetting"):

@@ -95,14 +95,14 @@ def test_reject_withdraw_and_erase_ask_first_and_free_the_cell(
     page.get_by_test_id("dialog-confirm").click()
     told(page, "P001: rejected. The cell is free again.")
     line(page, "P001").locator("[data-column=state]", has_text="rejected").wait_for()
-    assert roster.locator(".chip[data-participant=P001]").count() == 0
+    roster.locator(".chip[data-participant=P001]").wait_for(state="detached")
 
     line(page, "P002").get_by_test_id("roster-withdraw").click()
     assert page.get_by_test_id("withdraw-keep").is_checked()  # as the consent text says
     page.screenshot(path=screenshot_dir / "roster-withdraw.png")
     page.get_by_test_id("dialog-confirm").click()
     told(page, "P002: withdrawn.")
-    assert roster.locator(".chip[data-participant=P002]").count() == 0
+    roster.locator(".chip[data-participant=P002]").wait_for(state="detached")
     line(page, "P003").get_by_test_id("roster-withdraw").click()
     page.get_by_test_id("withdraw-erase").check()
     page.get_by_test_id("dialog-confirm").click()
@@ -117,7 +117,7 @@ def test_reject_withdraw_and_erase_ask_first_and_free_the_cell(
     told(page, "P002: erased.")
     for gone in ("P002", "P003"):
         line(page, gone).locator("[data-column=state]", has_text="erased").wait_for()
-        assert line(page, gone).get_by_role("button").count() == 0
+        line(page, gone).get_by_role("button").first.wait_for(state="detached")
     page.get_by_test_id("roster").screenshot(path=screenshot_dir / "roster.png")
 
 

@@ -39,6 +39,7 @@ def short_study(tmp_path: Path) -> Path:
     for before, after in (
         ("pickups_per_trial = 3", "pickups_per_trial = 1"),
         ("speed_m_s = 0.04", f"speed_m_s = {SPEED_M_S}"),
+        ("every_s = 20.0", "every_s = 40.0"),
     ):
         assert before in text
         text = text.replace(before, after)
