@@ -182,7 +182,13 @@ class BrowserPerson:
                 act = pilot.act(task["object"], self._sight(world, task))
                 if tick["blocked"] and world["held"]:
                     act = OperatorInput((1, 0, 0))  # too close before the robot: out first
-            self.hold(act.direction or NOTHING)
+            wanted = act.direction or NOTHING
+            at_rest = self._held == self._held_before == NOTHING
+            if wanted != self._held and not at_rest:
+                # A careful person: stop first, look where the arm has come to rest, then go on another way.
+                self.hold(NOTHING)
+                continue
+            self.hold(wanted)
             if act.gripper is not None:
                 self.press_gripper(act.gripper)
         raise AssertionError(f"not there after {limit} ticks; last: {world}, {tick}")
