@@ -77,7 +77,7 @@ def test_a_whole_study_by_gamepad_and_keyboard(
     screenshot_dir: Path,
     tmp_path: Path,
 ) -> None:
-    """Hands and real time are no exact science on a busy machine: somebody clumsy may be followed by a second person."""
+    """Hands and real time are no exact science on a busy machine: a clumsy person may be followed by a second."""
     for attempt in (1, 2, 3):
         page = context.new_page()
         try:
