@@ -93,6 +93,7 @@ def test_a_whole_study_by_gamepad_and_keyboard(
 def whole_study(
     start_lab: Callable[..., LabServer], short_study: Path, page: Page, screenshot_dir: Path, tmp_path: Path
 ) -> None:
+    tmp_path.mkdir()
     lab = start_lab("--study", str(short_study), "--robot", "bullet")
     study = load_study(short_study, layouts=LAYOUTS, objects=tuple(STUDY_OBJECTS))
     errors: list[str] = []
