@@ -209,6 +209,7 @@ def test_nothing_drives_before_start_or_while_paused_or_behind_a_dialog(page: Pa
     page.get_by_test_id("help-button").click()
     page.get_by_test_id("help-dialog").get_by_role("textbox").type("wasd")
     page.get_by_test_id("dialog-back").click()
+    page.locator(".drive-scene:focus").wait_for()  # a dialog's `close` event comes a task after the click
     mark = lab.mark()
     page.keyboard.press("KeyD")
     lab.wait_for(lambda message: message["type"] == "input", after=mark)
