@@ -13,11 +13,12 @@ from typing import Any, Literal
 
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
+from app.course import OVERRUN_MS
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
 from app.remarks import Remark
-from app.session import OVERRUN_MS, LiveSession
+from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
 from app.worker_messages import Pace, WorkerReport, WorkerSpec

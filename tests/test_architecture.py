@@ -39,7 +39,8 @@ MODULES = {
         app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.heatmap app.cycles
         app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
         app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
-        app.session app.audience app.surroundings app.steps app.pages app.pilot app.bots
+        app.session app.stage app.course app.submissions app.phase app.worker_link
+        app.audience app.surroundings app.steps app.pages app.pilot app.bots
         app.recent app.remarks app.insight
     """,
     "adapters": """

@@ -1,0 +1,77 @@
+"""The practice or the trial under way, as the lab follows it: which tick, what is on the screen, which readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+from app.messages import World
+from app.trial import TrialView
+from app.worker_messages import Ready, Ticked
+from sim.interface import TICK_S
+from study.distractor import Alert, DistractorState
+
+
+@dataclass
+class Phase:
+    """Where a phase stands. A tick that could not be recorded did not happen: `copy` before it, `restore` after.
+
+    `trial_s` is the trial time at the end of the last tick. `next_tick_unix_s` is when the next one is due in real
+    time. `view` and `world` are what the pages show, once a worker has said so.
+    """
+
+    distractor: DistractorState
+    tick: int | None = None
+    trial_s: float = 0.0
+    next_tick_unix_s: float = 0.0
+    view: TrialView | None = None
+    world: World | None = None
+
+    @classmethod
+    def resumed(cls, distractor: DistractorState, tick: int | None) -> Phase:
+        """The phase whose last tick on disk is `tick`."""
+        return cls(distractor, tick, 0.0 if tick is None else (tick + 1) * TICK_S)
+
+    def copy(self) -> Phase:
+        """As it is now."""
+        return replace(self)
+
+    def restore(self, before: Phase) -> None:
+        """Back to what `copy` gave."""
+        for item in fields(self):
+            setattr(self, item.name, getattr(before, item.name))
+
+    def ready(self, report: Ready) -> None:
+        """The worker stands where the record ends."""
+        self.view, self.world = report.view, World(**vars(report.sight))
+
+    def ticked(self, report: Ticked) -> None:
+        """The worker has run a tick."""
+        row = report.result.row
+        self.tick, self.trial_s, self.view = row.tick, (row.tick + 1) * TICK_S, report.result.view
+        self.next_tick_unix_s = report.started_unix_s - (report.late_ms or 0.0) / 1000.0 + TICK_S
+        self.world = World(**vars(report.sight))
+
+    def advance_distractor(self, reading: Callable[[int], str], finished: bool) -> tuple[Alert, ...]:
+        """The alerts that were raised, expired, or closed by the end of the trial, in order."""
+        self.distractor, changed = self.distractor.advance(self.trial_s, reading)
+        return (*changed, *self.close_distractor()) if finished else changed
+
+    def close_distractor(self) -> tuple[Alert, ...]:
+        """The trial is over: the alert that was still open, closed."""
+        self.distractor, closed = self.distractor.close()
+        return closed
+
+    def is_away(self, now_unix_s: float, paced: bool) -> bool:
+        """Whether the pad is ignored in the tick that the hands of this moment are for.
+
+        In lockstep that is the tick about to run. In real time (`paced`) it is the one after the running tick, and a
+        busy machine leaves open which of two that is: the pad counts only if both are free. So not even the first
+        tick of a reading is driven, and the hands are never free too early (half a second too late at most).
+        """
+        starts_s = [self.trial_s]
+        # A tick is reported when its last slice is done, a little before the next one starts.
+        if paced and now_unix_s >= self.next_tick_unix_s:
+            starts_s.append(self.trial_s + TICK_S)
+        ahead = [(start_s, self.distractor.advance(start_s, lambda number: "")[0]) for start_s in starts_s]
+        return any(distractor.locked(start_s) for start_s, distractor in ahead)
