@@ -45,7 +45,9 @@ MODULES = {
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
-        study.store study.writer study.fingerprint study.export study.package
+        study.store study.store.store study.store.database study.store.tables study.store.rows
+        study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
+        study.writer study.fingerprint study.export study.package
         study.effects study.factors study.statistics study.mixed study.dataset study.analysis study.figures
         study.tables study.wording study.report
     """,
@@ -67,7 +69,11 @@ LAYER_OF |= dict.fromkeys(("app", "app.autonomy", "sim", "study"), "pure")
 
 ROOMS = ("app.autonomy", "sim", "study")
 
+# Rooms with one door: the rest of the project imports the package, and no module in it.
+CLOSED = ("study.store",)
+
 EDGE = frozenset(module for module, layer in LAYER_OF.items() if layer == "edge")
+STORE = frozenset(module for module in LAYER_OF if module.startswith("study.store."))
 ONLY_IN: dict[str, frozenset[str]] = {
     "fastapi": EDGE,
     "starlette": EDGE,
@@ -75,8 +81,8 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "pybullet": frozenset({"sim.bullet"}),
     "pybullet_data": frozenset(),
     "viser": frozenset({"sim.scene"}),
-    "sqlalchemy": frozenset({"study.store"}),
-    "sqlite3": frozenset({"study.store"}),
+    "sqlalchemy": STORE,
+    "sqlite3": STORE,
     "pyarrow": frozenset({"study.package"}),
     "matplotlib": frozenset({"study.figures"}),
     "statsmodels": frozenset({"study.statistics", "study.mixed"}),
@@ -176,6 +182,9 @@ def _project_import(where: str, module: str, target: str, layer_of: Mapping[str,
     room = room_of(module)
     if room is not None and room_of(target) != room:
         yield f"{where} imports {target}: {room} is a room of its own and imports nothing else of the project."
+    for closed in CLOSED:
+        if target.startswith(closed + ".") and not f"{module}.".startswith(closed + "."):
+            yield f"{where} imports {target}: what others may use of {closed} stands in {closed} itself."
 
 
 def _outside_import(where: str, module: str, library: str, layer_of: Mapping[str, str]) -> Iterator[str]:
@@ -202,7 +211,7 @@ def test_imports_run_downward_only() -> None:
         ("sim.ik", "from sim.bullet import BulletRobot", "sim.ik:1 (pure) imports sim.bullet (adapters)"),
         ("app.trial", "import app.server", "app.trial:1 (engine) imports app.server (edge)"),
         ("app.trial", "def f():\n    from app import server", "app.trial:2 (engine) imports app.server (edge)"),
-        ("study.store", "from app.lab import Lab", "study.store:1 (adapters) imports app.lab (engine)"),
+        ("study.store.rows", "from app.lab import Lab", "study.store.rows:1 (adapters) imports app.lab (engine)"),
         ("app.lab", "import importlib\nimportlib.import_module('app.api')", "app.lab:2 (engine) imports app.api"),
         ("study.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
@@ -211,7 +220,13 @@ def test_imports_run_downward_only() -> None:
         ("app.lab", "import fastapi", "app.lab:1 imports fastapi: only"),
         ("app.worker", "import pybullet as p", "only sim.bullet may"),
         ("app.scene_proxy", "from viser import ViserServer", "only sim.scene may"),
-        ("study.export", "from sqlalchemy import select", "only study.store may"),
+        (
+            "study.export",
+            "from sqlalchemy import select",
+            "imports sqlalchemy: only study.store.database, ",
+        ),
+        ("study.export", "from study.store.tables import RECORDS", "imports study.store.tables: what others may use"),
+        ("app.lab", "from study.store import database", "imports study.store.database: what others may use"),
         ("study.protocol", "import time", "pure code is given now_s"),
         ("sim.ik", "from scipy.optimize import minimize", "(pure) imports scipy"),
         ("app.surprise", "", "app.surprise has no layer: add it to MODULES"),

@@ -21,7 +21,8 @@ from study.design import orders
 from study.fingerprint import machine_fingerprint
 from study.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError
-from study.store import FILE_NAME, Cycle, Store, StoredSession, StoreError, open_store
+from study.store import Cycle, Store, StoredSession, StoreError, open_store
+from study.store.database import FILE_NAME
 from study.writer import AsyncStore
 from tests.study_samples import (
     UTC,
@@ -151,9 +152,9 @@ def test_numbers_of_numpy_are_stored_as_numbers(store: Store) -> None:
 
 def test_text_that_no_file_can_hold_is_made_harmless(store: Store) -> None:
     who = enrol(store, identities={"note": "a\ud800b"}).participant
-    store.commit(answers=[answer_row(who, "comments", "half \udc00 pair\0!")])
+    store.commit(answers=[answer_row(who, "comments", "half \udc00 pair\0!")], identities=[(who, "remark", "c\udc00d")])
     assert next(store.rows("survey_answers")).value == "half ? pair!"
-    assert store.identities(who) == (("note", "a?b"),)
+    assert store.identities(who) == (("note", "a?b"), ("remark", "c?d"))
 
 
 def test_a_tick_and_what_happened_in_it_are_written_together_or_not_at_all(store: Store) -> None:
@@ -260,7 +261,7 @@ def test_a_snapshot_does_not_see_what_comes_later(store: Store) -> None:
 
 
 def test_the_file_is_durable_and_says_what_it_is(store: Store) -> None:
-    with store._read() as connection:
+    with store._database.read() as connection:
         settings = [
             connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "synchronous", "foreign_keys")
@@ -336,7 +337,7 @@ def test_two_labs_cannot_serve_one_folder_but_an_export_may_read_it(tmp_path: Pa
 def test_an_export_waits_for_no_writer_and_holds_none_up(tmp_path: Path) -> None:
     with open_store(tmp_path, exclusive=True) as serving:
         who = enrol(serving).participant
-        with serving._write(), open_store(tmp_path, must_exist=True) as reader:  # a write is under way
+        with serving._database.write(), open_store(tmp_path, must_exist=True) as reader:  # a write is under way
             assert len(reader.sessions()) == 1
         with open_store(tmp_path, must_exist=True) as reader, reader.snapshot():
             serving.append_tick(tick_row(who))

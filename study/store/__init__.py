@@ -1,0 +1,20 @@
+"""The store: the only room that opens a database, SQLite in the lab's data folder, through SQLAlchemy.
+
+The rest of the project uses the names below and nothing further in. Where to look:
+
+    store         `Store`: everything the lab asks of its data; each method that writes is one transaction
+    database      the file: lock, versions, damage, transactions, durability
+    tables        what stands in the file
+    rows          a recorded row as SQLite takes it
+    participants  who takes part: order, session, tokens, identities, the cell given out again
+    progress      what a session has reached: its state, answered messages, starts of cycles
+    snapshot      what was recorded, as of one moment
+    erasure       deleting somebody, and the mark that stays
+    values        what the store hands out, and its error
+"""
+
+from study.store.snapshot import Snapshot
+from study.store.store import Store, open_store
+from study.store.values import Cycle, Kind, StoredSession, StoreError
+
+__all__ = ["Cycle", "Kind", "Snapshot", "Store", "StoreError", "StoredSession", "open_store"]

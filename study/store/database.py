@@ -1,0 +1,149 @@
+"""The file: one SQLite database in the data folder, whose transactions are on disk when they end.
+
+SQLite has one writer at a time, others wait up to ten seconds; readers see one moment and hold nobody up (WAL with
+`synchronous=FULL`).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import IO, Any
+
+import sqlalchemy as sql
+from sqlalchemy.dialects.sqlite import insert as insert_or_update
+
+from study.fingerprint import machine_fingerprint
+from study.records import SCHEMA_VERSION
+from study.store.tables import MACHINES, META, METADATA, STORE_VERSION
+from study.store.values import StoreError
+
+FILE_NAME = "lab.sqlite"
+LOCK_NAME = "lab.lock"
+
+
+def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Database:
+    """Open the database of a data folder, as `open_store` says."""
+    path = folder / FILE_NAME
+    if must_exist and not path.is_file():
+        raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
+    lock: IO[str] | None = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if exclusive:
+            lock = (folder / LOCK_NAME).open("w")
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        if lock:
+            lock.close()
+        raise StoreError(f"{folder}: another lab is running on this data folder") from None
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
+    database = Database(path, lock)
+    try:
+        database.prepare(is_reader=must_exist)
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+class Database:
+    """The open file and its transactions. Made by `open_database`; usable from several threads."""
+
+    def __init__(self, path: Path, lock: IO[str] | None = None) -> None:
+        self.path = path
+        self._lock = lock
+        self.engine = sql.create_engine(f"sqlite:///{path}", connect_args={"timeout": 10.0})
+        sql.event.listen(self.engine, "connect", _set_up_connection)
+        sql.event.listen(self.engine, "begin", _begin)
+        self._writing = self.engine.execution_options(begin="BEGIN IMMEDIATE")
+
+    def close(self) -> None:
+        """Give up the file; twice is once."""
+        self.engine.dispose()
+        if self._lock:
+            self._lock.close()
+            self._lock = None
+
+    @contextmanager
+    def write(self) -> Iterator[sql.Connection]:
+        """A transaction that is on disk when the `with` ends, or leaves nothing when it raises."""
+        with self._told(), self._writing.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def read(self) -> Iterator[sql.Connection]:
+        """A view of one moment."""
+        with self._told(), self.engine.connect() as connection:
+            yield connection
+
+    def empty_log(self) -> bool:
+        """Move the log into the file and cut it off; False when another process's reading did not let it."""
+        with self.engine.connect() as connection:
+            emptied = connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql(
+                "PRAGMA wal_checkpoint(TRUNCATE)"
+            )
+            return int(emptied.one()[0]) == 0
+
+    def prepare(self, *, is_reader: bool) -> None:
+        """Make the tables of a new file, or check that the file is one of ours and whole.
+
+        A reader takes no write lock: the lab may be running.
+        """
+        versions = {"schema_version": str(SCHEMA_VERSION), "store_version": str(STORE_VERSION)}
+        with self.read() as connection:
+            existing = set(sql.inspect(connection).get_table_names())
+            if existing:
+                self._check(connection, existing, versions)
+            elif is_reader:
+                raise StoreError(f"{self.path}: no lab data here, the database is empty")
+        if is_reader:
+            return
+        text = json.dumps(machine_fingerprint(), sort_keys=True)
+        now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
+        machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
+        with self.write() as connection:
+            if not existing:
+                METADATA.create_all(connection)
+                connection.execute(META.insert(), [{"name": n, "value": v} for n, v in versions.items()])
+            connection.execute(insert_or_update(MACHINES).values(machine).on_conflict_do_nothing())
+
+    def _check(self, connection: sql.Connection, existing: set[str], versions: Mapping[str, str]) -> None:
+        if "meta" not in existing:
+            raise StoreError(f"{self.path}: a database, but not one of this lab")
+        found = {row.name: row.value for row in connection.execute(sql.select(META))}
+        for name, expected in versions.items():
+            if found.get(name) != expected:
+                raise StoreError(
+                    f"{self.path}: {name} is {found.get(name)}, this version of the lab needs {expected}; "
+                    "open it with the version that wrote it, or use another data folder"
+                )
+        verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+        if verdict != "ok":
+            raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Whatever the database says becomes one line with the file's name."""
+        try:
+            yield
+        except sql.exc.DBAPIError as error:
+            raise StoreError(f"{self.path}: {error.orig}") from error
+        except OverflowError as error:
+            raise StoreError(f"{self.path}: a whole number beyond 64 bits cannot be stored") from error
+
+
+def _set_up_connection(connection: Any, _: object) -> None:
+    connection.isolation_level = None  # SQLAlchemy's `begin` decides how a transaction starts, not the driver
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "secure_delete=ON"):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _begin(connection: sql.Connection) -> None:
+    connection.exec_driver_sql(connection.get_execution_options().get("begin", "BEGIN"))

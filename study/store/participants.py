@@ -1,0 +1,147 @@
+"""Who takes part: enrolment under a counterbalanced order, tokens, and what identifies a person (never exported)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sqlalchemy as sql
+from sqlalchemy.dialects.sqlite import insert as insert_or_update
+
+from study.design import Study, next_order
+from study.protocol import from_json, new_session, to_json
+from study.records import SCHEMA_VERSION, ParticipantRow
+from study.store.rows import add, clean_text, insert
+from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
+from study.store.values import Kind, StoredSession
+
+ID_LETTER: Mapping[Kind, str] = {"study": "P", "pilot": "T", "demo": "D"}
+"""What ids begin with: P for participants, T for trial runs, D for demos."""
+ORDER_SEPARATOR = ">"
+_FREE_STATES = ("withdrawn", "aborted")
+"""States whose participants give their counterbalancing cell back."""
+
+
+def enrol(
+    connection: sql.Connection,
+    study: Study,
+    *,
+    seed: int,
+    public_id: str,
+    utc: str,
+    kind: Kind,
+    pace: str,
+    order: Sequence[str] | None,
+) -> str:
+    """Somebody new under the least-filled order, or the one given; returns their id."""
+    connection.execute(
+        insert_or_update(STUDIES).values(hash=study.hash, text=study.source_text).on_conflict_do_nothing()
+    )
+    chosen = tuple(order) if order else next_order(study, _taken(connection))
+    condition_order = ORDER_SEPARATOR.join(chosen)
+    inserted = connection.execute(
+        SESSIONS.insert().values(
+            participant=public_id,  # replaced below: the name is made of the number
+            public_id=public_id,
+            session="",
+            state="consent",
+            condition_order=condition_order,
+            kind=kind,
+            pace=pace,
+            study_hash=study.hash,
+            seed=seed,
+            created_utc=utc,
+            rejected=0,
+        )
+    )
+    number = inserted.lastrowid
+    participant = f"{ID_LETTER[kind]}{number:03d}"
+    session = new_session(participant, len(chosen), study.skips)
+    connection.execute(
+        SESSIONS.update().where(SESSIONS.c.number == number).values(participant=participant, session=to_json(session))
+    )
+    row = ParticipantRow(
+        participant=participant,
+        seed=seed,
+        condition_order=condition_order,
+        state="consent",
+        study_hash=study.hash,
+        created_utc=utc,
+        consent_utc=None,
+        consent_hash=None,
+        finished_utc=None,
+        schema_version=SCHEMA_VERSION,
+        kind=kind,
+    )
+    add(connection, "participants", [row])
+    return participant
+
+
+def _taken(connection: sql.Connection) -> dict[tuple[str, ...], int]:
+    """How many hold a cell of each order."""
+    query = (
+        sql.select(SESSIONS.c.condition_order, sql.func.count())
+        .where(SESSIONS.c.kind == "study", SESSIONS.c.rejected == 0, SESSIONS.c.state.not_in(_FREE_STATES))
+        .group_by(SESSIONS.c.condition_order)
+    )
+    return {tuple(order.split(ORDER_SEPARATOR)): count for order, count in connection.execute(query)}
+
+
+def free_cell(connection: sql.Connection, participant: str) -> bool:
+    """Give a participant's cell out again; False when somebody else did it first or there is no such participant."""
+    here = (SESSIONS.c.participant == participant, SESSIONS.c.rejected == 0)
+    return connection.execute(SESSIONS.update().where(*here).values(rejected=1)).rowcount == 1
+
+
+def stored_sessions(
+    connection: sql.Connection, *, participant: str | None = None, public_id: str | None = None
+) -> tuple[StoredSession, ...]:
+    """Everyone of this id or public id, in order of enrolment."""
+    query = sql.select(SESSIONS).order_by(SESSIONS.c.number)
+    if participant is not None:
+        query = query.where(SESSIONS.c.participant == participant)
+    if public_id is not None:
+        query = query.where(SESSIONS.c.public_id == public_id)
+    return tuple(
+        StoredSession(
+            participant=row.participant,
+            public_id=row.public_id,
+            session=from_json(row.session),
+            order=tuple(row.condition_order.split(ORDER_SEPARATOR)),
+            kind=row.kind,
+            pace=row.pace,
+            study_hash=row.study_hash,
+            seed=row.seed,
+            created_utc=row.created_utc,
+            rejected=bool(row.rejected),
+        )
+        for row in connection.execute(query)
+    )
+
+
+def add_token(connection: sql.Connection, participant: str, role: str, sha256: str, utc: str) -> None:
+    """A link for a participant, of which only the hash is kept."""
+    insert(connection, TOKENS, sha256=sha256, participant=participant, role=role, created_utc=utc)
+
+
+def holder_of_token(connection: sql.Connection, sha256: str) -> tuple[str, str] | None:
+    """(participant, role) of a token's SHA-256, or None."""
+    query = sql.select(TOKENS.c.participant, TOKENS.c.role).where(TOKENS.c.sha256 == sha256)
+    row = connection.execute(query).first()
+    return (row.participant, row.role) if row else None
+
+
+def add_identity(connection: sql.Connection, participant: str, kind: str, value: str) -> None:
+    """Something that identifies a person."""
+    insert(connection, IDENTITIES, participant=participant, kind=clean_text(kind), value=clean_text(value))
+
+
+def identities_of(connection: sql.Connection, participant: str) -> tuple[tuple[str, str], ...]:
+    """(kind, value) of everything identifying, in order of arrival."""
+    query = sql.select(IDENTITIES.c.kind, IDENTITIES.c.value).where(IDENTITIES.c.participant == participant)
+    return tuple((row.kind, row.value) for row in connection.execute(query.order_by(IDENTITIES.c.id)))
+
+
+def labels(connection: sql.Connection) -> dict[str, str]:
+    """Participant to the label the experimenter gave them, for those who have one."""
+    query = sql.select(IDENTITIES.c.participant, IDENTITIES.c.value).where(IDENTITIES.c.kind == "label")
+    return {row.participant: row.value for row in connection.execute(query)}

@@ -1,0 +1,264 @@
+"""`Store`: everything the lab asks of its data.
+
+Every method that writes is one transaction and is on disk when it returns. A `Store` may be used from several threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+from study.design import Study, plan_session
+from study.protocol import Session
+from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
+from study.store import erasure, participants, progress, rows
+from study.store.database import Database, open_database
+from study.store.snapshot import Snapshot
+from study.store.values import Cycle, Kind, StoredSession, StoreError
+
+
+def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False) -> Store:
+    """Open the database of a data folder, made when it is not there.
+
+    `exclusive` is for the lab that serves: a second one on the same folder is refused. `must_exist` is for the
+    export. Raises `StoreError` with one line for a folder or file that cannot be used, a foreign or damaged file,
+    or another schema version.
+    """
+    return Store(open_database(Path(data_dir), exclusive=exclusive, must_exist=must_exist))
+
+
+class Store:
+    """An open database. Made by `open_store`; close it, or use it in `with`."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    @property
+    def path(self) -> Path:
+        """The database's file."""
+        return self._database.path
+
+    def close(self) -> None:
+        """Give up the file; twice is once."""
+        self._database.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ---- participants and sessions
+
+    def create_participant(
+        self,
+        study: Study,
+        *,
+        seed: int,
+        public_id: str,
+        utc: str,
+        tokens: Mapping[str, str] | None = None,
+        kind: Kind = "study",
+        pace: str = "real_time",
+        order: Sequence[str] | None = None,
+        identities: Mapping[str, str] | None = None,
+    ) -> StoredSession:
+        """Enrol someone under the least-filled order (or the one given). Pilot and demo take no cell.
+
+        `tokens` maps a role to the SHA-256 of its token in hex. Raises `StudyError` for an order or seed the study
+        cannot plan, `StoreError` for a public id or token that is taken.
+        """
+        if order is not None:
+            plan_session(study, tuple(order), seed)
+        with self._database.write() as connection:
+            participant = participants.enrol(
+                connection, study, seed=seed, public_id=public_id, utc=utc, kind=kind, pace=pace, order=order
+            )
+            for role, sha256 in (tokens or {}).items():
+                participants.add_token(connection, participant, role, sha256, utc)
+            for name, value in (identities or {}).items():
+                participants.add_identity(connection, participant, name, value)
+        return self.session(participant)
+
+    def session(self, participant: str) -> StoredSession:
+        """One participant; `StoreError` when there is none of that id."""
+        with self._database.read() as connection:
+            found = participants.stored_sessions(connection, participant=participant)
+        if not found:
+            raise StoreError(f"no participant {participant!r}")
+        return found[0]
+
+    def session_of_public_id(self, public_id: str) -> StoredSession | None:
+        """The participant whose pages live under this id."""
+        with self._database.read() as connection:
+            return next(iter(participants.stored_sessions(connection, public_id=public_id)), None)
+
+    def sessions(self) -> tuple[StoredSession, ...]:
+        """Everyone, demo included, in order of enrolment."""
+        with self._database.read() as connection:
+            return participants.stored_sessions(connection)
+
+    def participant_for_token(self, sha256: str) -> tuple[str, str] | None:
+        """(participant, role) of a token's SHA-256, or None."""
+        with self._database.read() as connection:
+            return participants.holder_of_token(connection, sha256)
+
+    def add_token(self, participant: str, role: str, sha256: str, utc: str) -> None:
+        """Another link for a participant."""
+        with self._database.write() as connection:
+            participants.add_token(connection, participant, role, sha256, utc)
+
+    def add_identity(self, participant: str, kind: str, value: str) -> None:
+        """Something that identifies a person (recruitment id, note, user agent); never exported."""
+        with self._database.write() as connection:
+            participants.add_identity(connection, participant, kind, value)
+
+    def identities(self, participant: str) -> tuple[tuple[str, str], ...]:
+        """(kind, value) of everything identifying, in order of arrival."""
+        with self._database.read() as connection:
+            return participants.identities_of(connection, participant)
+
+    def labels(self) -> dict[str, str]:
+        """Participant to the label the experimenter gave them, for those who have one."""
+        with self._database.read() as connection:
+            return participants.labels(connection)
+
+    def reject(self, participant: str, event: EventRow) -> bool:
+        """Give a participant's counterbalancing cell out again; the data stay, with this event beside them.
+
+        False, and nothing written, when somebody else did it first or there is no such participant.
+        """
+        with self._database.write() as connection:
+            if not participants.free_cell(connection, participant):
+                return False
+            rows.add(connection, "events", [event])
+            return True
+
+    def erasures(self) -> tuple[tuple[str, str], ...]:
+        """As `Snapshot.erasures`."""
+        with self.snapshot() as recorded:
+            return recorded.erasures()
+
+    def erase(self, participant: str, utc: str) -> bool:
+        """Delete everything about a participant but the mark that there was one. Cannot be undone.
+
+        The rows are gone when this returns. True when the space they took is overwritten too; False when another
+        process was reading the database and its log could not be emptied: the next erasure, or the end of the lab,
+        does it.
+        """
+        self.session(participant)
+        with self._database.write() as connection:
+            erasure.erase(connection, participant, utc)
+        return self._database.empty_log()
+
+    # ---- what happens in a session
+
+    def commit(
+        self,
+        *,
+        session: Session | None = None,
+        ticks: Iterable[TickRow] = (),
+        practice_ticks: Iterable[TickRow] = (),
+        trials: Iterable[TrialRow] = (),
+        tasks: Iterable[TaskRow] = (),
+        alerts: Iterable[AlertRow] = (),
+        answers: Iterable[SurveyAnswerRow] = (),
+        events: Iterable[EventRow] = (),
+        cycles: Iterable[Cycle] = (),
+        consent: tuple[str, str] | None = None,
+        finished_utc: str | None = None,
+        submission: tuple[str, str, Mapping[str, Any]] | None = None,
+        identities: Iterable[tuple[str, str, str]] = (),
+    ) -> bool:
+        """Write all of this or nothing, on disk at return.
+
+        Trials, tasks, alerts and cycles replace an earlier row of the same key; ticks, answers and events are only
+        ever added. `consent` is (utc, hash), with `session`. `submission` is (participant, message id, response):
+        when that id was answered before, nothing at all is written and the result is False. `identities` are
+        (participant, kind, text): words that may identify somebody, which no export holds.
+        """
+        with self._database.write() as connection:
+            if submission is not None:
+                participant, message_id, response = submission
+                if progress.response_to(connection, participant, message_id) is not None:
+                    return False
+                progress.save_response(connection, participant, message_id, response)
+            for person, kind, text in identities:
+                participants.add_identity(connection, person, kind, text)
+            if session is not None:
+                progress.save_session(connection, session, consent, finished_utc)
+            rows.add(connection, "ticks", ticks)
+            rows.add(connection, "practice_ticks", practice_ticks)
+            rows.put(connection, "trials", trials)
+            rows.put(connection, "tasks", tasks)
+            rows.put(connection, "alerts", alerts)
+            rows.add(connection, "survey_answers", answers)
+            rows.add(connection, "events", events)
+            for cycle in cycles:
+                progress.save_cycle(connection, cycle)
+        return True
+
+    def append_tick(
+        self,
+        row: TickRow,
+        *,
+        practice: bool = False,
+        trials: Iterable[TrialRow] = (),
+        tasks: Iterable[TaskRow] = (),
+        alerts: Iterable[AlertRow] = (),
+        events: Iterable[EventRow] = (),
+        cycles: Iterable[Cycle] = (),
+    ) -> None:
+        """One tick and everything that happened in it."""
+        ticks, practised = ((), (row,)) if practice else ((row,), ())
+        self.commit(
+            ticks=ticks,
+            practice_ticks=practised,
+            trials=trials,
+            tasks=tasks,
+            alerts=alerts,
+            events=events,
+            cycles=cycles,
+        )
+
+    def response(self, participant: str, message_id: str) -> dict[str, Any] | None:
+        """What a message was answered with, or None when it is new."""
+        with self._database.read() as connection:
+            return progress.response_to(connection, participant, message_id)
+
+    def last_cycle(self, participant: str, trial: int, *, practice: bool = False) -> Cycle | None:
+        """The cycle that was running last in a trial (or its practice)."""
+        with self._database.read() as connection:
+            return progress.last_cycle(connection, participant, trial, practice=practice)
+
+    def ticks_of_cycle(
+        self, participant: str, trial: int, cycle: int, *, practice: bool = False
+    ) -> tuple[TickRow, ...]:
+        """The ticks of one cycle in order, for re-running them."""
+        table = "practice_ticks" if practice else "ticks"
+        return cast("tuple[TickRow, ...]", self.rows_of(table, participant, trial=trial, cycle=cycle))
+
+    def last_input_seq(self, participant: str) -> int:
+        """The highest input sequence number that a committed tick took into account; 0 = none."""
+        with self._database.read() as connection:
+            return progress.last_input_seq(connection, participant)
+
+    # ---- reading
+
+    @contextmanager
+    def snapshot(self) -> Iterator[Snapshot]:
+        """Everything recorded as it is at this moment, whatever is written meanwhile."""
+        with self._database.read() as connection:
+            yield Snapshot(connection)
+
+    def rows(self, table: str, include_demo: bool = False, include_pilot: bool = False) -> Iterator[Any]:
+        """As `Snapshot.rows`."""
+        with self.snapshot() as recorded:
+            yield from recorded.rows(table, include_demo, include_pilot)
+
+    def rows_of(self, table: str, participant: str, **equal: object) -> tuple[Any, ...]:
+        """As `Snapshot.rows_of`."""
+        with self.snapshot() as recorded:
+            return recorded.rows_of(table, participant, **equal)
