@@ -161,7 +161,9 @@ def whole_study(
     if picked[1].outcome == "success":
         assert dropped[1].outcome == "success"
     if picked[3].outcome == "success":
-        assert (dropped[3].outcome, dropped[3].reason) == ("failure", "outside_bin")
+        # Beside the bin, or on the edge of the table if the arm came to rest a little late.
+        assert dropped[3].outcome == "failure"
+        assert dropped[3].reason in ("outside_bin", "left_on_table")
     assert "success" in (picked[1].outcome, picked[3].outcome)
     (participant,) = read_table(tmp_path / "out", "participants")
     assert participant.state == "done"
