@@ -8,6 +8,7 @@ DATA   ?= data
 PYTHON ?=
 VENV   := .venv
 PY     := $(VENV)/bin/python
+ON_ALL_CORES := --numprocesses auto --dist loadscope
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
 
 SHELL := /bin/sh
@@ -61,17 +62,19 @@ test: $(VENV)/.installed-test ## everything: ruff, mypy, every test (installs a 
 	@$(PY) -m ruff check .
 	@echo "== mypy"
 	@$(PY) -m mypy
-	@echo "== pytest"
-	@$(PY) -m pytest
+	@echo "== pytest: what needs no browser, on all cores"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
+	@echo "== pytest: what drives a browser, one at a time"
+	@$(PY) -m pytest -m browser
 
 test-fast: $(VENV)/.installed-test ## the tests that need neither a browser nor pybullet, under a minute
-	@$(PY) -m pytest -m "not slow and not browser and not bullet"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
 
 check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, test-fast
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
-	@$(PY) -m pytest -m "not slow and not browser and not bullet"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
 
 bench: $(VENV)/.installed-test ## measure decision time, ticks per second, tick-start error, scene payload
 	@$(PY) -m tests.bench

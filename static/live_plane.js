@@ -16,7 +16,8 @@ export class PlaneView {
     this.load = load;
     this.kind = "information";
     this.busy = false;
-    this.lastMs = 0;
+    this.lastMs = -Infinity;
+    this.again = null;
     const name = freshId("plane");
     this.canvas = h("canvas", { class: "plane", role: "img", "aria-label": "Heatmap over the table", data: { testid: "heatmap" } });
     this.legend = h("div", { class: "plane-legend" });
@@ -29,9 +30,14 @@ export class PlaneView {
       h("fieldset", { class: "plane-choice" }, h("legend", { class: "visually-hidden" }, "Heatmap"), choice("information"), choice("reward")), this.note, this.picture, this.caption);
   }
 
-  /** Draws the newest tick, at most twice a second; what comes meanwhile is skipped. */
+  /** Draws the newest tick, at most twice a second; what comes meanwhile is drawn together, a little later. */
   async refresh() {
-    if (this.busy || performance.now() - this.lastMs < EVERY_MS * 0.9) return;
+    const waitMs = this.busy ? EVERY_MS : this.lastMs + EVERY_MS * 0.9 - performance.now();
+    clearTimeout(this.again);
+    if (waitMs > 0) {
+      this.again = setTimeout(() => this.element.isConnected && this.refresh(), waitMs);
+      return;
+    }
     this.busy = true;
     this.lastMs = performance.now();
     const kind = this.kind;
@@ -55,7 +61,7 @@ export class PlaneView {
   }
 
   _again() {
-    this.lastMs = 0;
+    this.lastMs = -Infinity;
     this.refresh();
   }
 

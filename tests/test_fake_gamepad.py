@@ -9,8 +9,6 @@ from playwright.sync_api import Error, Page
 
 from tests.fake_pad import PS3_RAW_CROSS, PS3_RAW_ID, STANDARD_BOTTOM, STANDARD_ID, FakePad
 
-pytestmark = pytest.mark.browser
-
 # The page's own script: what it heard, as a participant's page would listen.
 PAGE = """<!doctype html><title>pad</title><script type="module">
 window.heard = [];

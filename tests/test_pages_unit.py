@@ -15,8 +15,6 @@ from tests.fake_pages import CONTENT, alert, session_row, tick
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.fixture
 def lab() -> Iterator[FakeLab]:

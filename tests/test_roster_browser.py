@@ -21,8 +21,6 @@ from tests.wire_client import invite, write_study
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
 
-pytestmark = pytest.mark.browser
-
 SCRIPT = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
 
 

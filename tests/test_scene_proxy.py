@@ -314,7 +314,6 @@ def show_scene(page: Page, served: Served) -> Frame:
     return frame
 
 
-@pytest.mark.browser
 def test_a_browser_shows_the_scene_and_nothing_else(page: Page) -> None:
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error.stack)))
@@ -334,7 +333,6 @@ def test_a_browser_shows_the_scene_and_nothing_else(page: Page) -> None:
         assert errors == []
 
 
-@pytest.mark.browser
 def test_keys_leave_the_camera_alone_and_reach_the_page_around(page: Page) -> None:
     with opened_view() as view, Served(view.open()) as served:
         frame = show_scene(page, served)
@@ -353,7 +351,6 @@ def test_keys_leave_the_camera_alone_and_reach_the_page_around(page: Page) -> No
         assert frame.evaluate(where) == pytest.approx(before, abs=1e-6)
 
 
-@pytest.mark.browser
 def test_a_page_nobody_looks_at_reconnects_and_says_so(page: Page) -> None:
     with opened_view() as first, Served(first.open()) as served:
         show_scene(page, served)

@@ -27,7 +27,7 @@ from tests.lab_server import LabServer
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Page
 
-pytestmark = [pytest.mark.browser, pytest.mark.bullet, pytest.mark.slow]
+pytestmark = [pytest.mark.bullet, pytest.mark.slow]
 
 SPEED_M_S = 0.04
 STEP_M = SPEED_M_S * 0.5
