@@ -27,6 +27,7 @@ NOT_IMPORTED = {
     "rtb-data": "only its files are read",
     "pycollada": "trimesh reads .dae through it",
     "pytest-asyncio": "a plug-in of pytest",
+    "pytest-xdist": "a plug-in of pytest",
     "ruff": "a command",
     "mypy": "a command",
     "frictionless": "a command",

@@ -77,6 +77,7 @@ def contiguous(rows: tuple[TickRow, ...]) -> bool:
 # --- a worker ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 async def test_a_killed_worker_costs_no_tick(launch: Callable[[], LabServer]) -> None:
     lab = launch()
     made = invite(lab)
@@ -165,6 +166,7 @@ def wait_for_end(pid: int) -> None:
             os.close(descriptor)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["kill", "close"])
 async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callable[[], LabServer], end: str) -> None:
     lab = launch()

@@ -62,6 +62,7 @@ def test_without_an_effect_there_is_no_power() -> None:
     assert np.mean([chances[0] for chances in nothing.chances.values()]) < 0.1
 
 
+@pytest.mark.slow
 def test_two_processes_find_the_same() -> None:
     rng = np.random.default_rng(5)
     studies = [as_the_paper_found(rng)]

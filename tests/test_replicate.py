@@ -134,6 +134,7 @@ def test_studies_differ_and_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert run_studies(small_plan(), 2, 2, 1, tmp_path / "studies") == first
 
 
+@pytest.mark.slow
 def test_two_processes_find_the_same() -> None:
     assert run_studies(small_plan(), 2, 1, 2, None) == run_studies(small_plan(), 2, 1, 1, None)
 

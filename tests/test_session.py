@@ -405,6 +405,7 @@ async def test_a_press_and_release_between_two_ticks_counts_once(quick_lab: LabS
     assert all(row.late_ms is not None and row.started_utc for row in rows)
 
 
+@pytest.mark.slow
 async def test_a_missing_heartbeat_holds_the_robot_and_is_no_hands_off(quick_lab: LabServer) -> None:
     made = invite(quick_lab, pace="real_time")
     async with visit(made["link"]) as player:
@@ -443,6 +444,7 @@ def hasty_lab(start_lab: Callable[..., LabServer], tmp_path: Path) -> LabServer:
     return start_lab("--robot", "kinematic", "--no-scene", "--study", study)
 
 
+@pytest.mark.slow
 async def test_against_the_clock_not_even_the_first_tick_of_a_reading_is_driven(hasty_lab: LabServer) -> None:
     made = invite(hasty_lab)
     async with visit(made["link"]) as player:

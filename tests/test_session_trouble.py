@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+import pytest
 
 from app.messages import Page, Status
 from tests.lab_server import LabServer
@@ -26,6 +27,7 @@ from tests.wire_client import (
 SECOND_DEVICE = {**SHORT, 'placement = "same_page_away" ': 'placement = "second_device" '}
 
 
+@pytest.mark.slow
 async def test_a_worker_that_hangs_is_replaced_and_holds_up_nobody(quick_lab: LabServer) -> None:
     made = invite(quick_lab, pace="real_time")
     async with visit(made["link"]) as player:
