@@ -94,8 +94,9 @@ def _add_simulate(commands) -> None:  # type: ignore[no-untyped-def]
     simulate.add_argument(
         "--preset",
         choices=("paper", "lab", "fitted"),
-        default="lab",
-        help="coefficients the paper leaves open: 1 per metre, the lab's, or as fitted to the paper's teleoperation",
+        default=argparse.SUPPRESS,
+        help="put other coefficients into the study file: 1 per metre, the lab's, or as fitted to the paper's "
+        "teleoperation (default: the study file as it stands)",
     )
     simulate.add_argument("--study", type=Path, default=None, help="study file; the paper's study if not given")
     simulate.add_argument("--workers", type=int, default=1, help="processes; the data are the same for any number")
@@ -268,8 +269,9 @@ def _erase(options: argparse.Namespace) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     from app.simulate import make_plan, simulate
 
-    plan = make_plan(options.seed, options.robot, options.preset, options.study)
-    rows = simulate(plan, options.participants, options.workers, options.out, options.preset)
+    preset = getattr(options, "preset", None)
+    plan = make_plan(options.seed, options.robot, preset, options.study)
+    rows = simulate(plan, options.participants, options.workers, options.out, preset)
     print(f"{options.participants} simulated participants, {rows['ticks']} ticks: {options.out}")
 
 

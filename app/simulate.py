@@ -80,8 +80,8 @@ def setup_of(study_text: str) -> StudySetup:
     return study_setup(parse_text(study_text))
 
 
-def make_plan(seed: int, robot: str, preset: str, study_file: Path | None = None) -> Plan:
-    """The study with a preset's coefficients and the fitted population. Raises `LabError`, `StudyFileError`."""
+def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None) -> Plan:
+    """The study, with a preset's coefficients if one is named, and the fitted population. Raises `LabError`, `StudyFileError`."""
     if robot not in ROBOTS:
         raise LabError(f"no robot {robot!r}; robots are {', '.join(ROBOTS)}")
     if not 0 <= seed <= MAX_SEED:
@@ -96,7 +96,7 @@ def participant_seed(seed: int, index: int) -> int:
     return int(state[0] >> np.uint64(16))
 
 
-def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset: str) -> dict[str, int]:
+def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset: str | None) -> dict[str, int]:
     """Simulate and export; rows per table. Raises `LabError` and `study.export.ExportError`."""
     check_count("participants", participants, MAX_PARTICIPANTS)
     check_count("workers", workers, MAX_WORKERS)

@@ -15,17 +15,24 @@ def add_study_commands(commands) -> None:  # type: ignore[no-untyped-def]
     """Add both to the command line's subparsers."""
     new = commands.add_parser("new", help="write a commented study file to change")
     new.add_argument("name", metavar="NAME", help="name of the study, or of the file: pilot makes pilot.toml")
+    new.add_argument(
+        "--preset",
+        choices=("lab", "paper", "fitted"),
+        default="lab",
+        help="the arbiter's coefficients and the arm: the lab's, 1 per metre, or as fitted to the paper's "
+        "teleoperation, which also slows the arm and puts the readings on a second device (default: lab)",
+    )
     new.set_defaults(run=_new)
     check = commands.add_parser("check", help="tell every problem of a study file at once")
     check.add_argument("file", type=Path, metavar="FILE", help="the study file")
     check.set_defaults(run=_check)
 
 
-def new_study_text(title: str, file: Path) -> str:
-    """The paper's study with another title, its comments naming the file."""
-    from study.design import DEFAULT_STUDY
+def new_study_text(title: str, file: Path, preset: str) -> str:
+    """The paper's study with another title and a preset's coefficients, its comments naming the file."""
+    from app.variants import changed_study, open_study, preset_changes
 
-    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    text = changed_study(open_study(None), preset_changes(preset)).source_text
     text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title, ensure_ascii=False)}", text, flags=re.M)
     return text.replace("my-study.toml", file.name)
 
@@ -36,7 +43,7 @@ def _new(options: argparse.Namespace) -> None:
     title = re.sub(r"[-_\s]+", " ", file.stem).strip()
     if not name or not title or not name.isprintable():
         raise LabError(f"{options.name!r} is no name for a study; give one such as my-study")
-    text = new_study_text(title[0].upper() + title[1:], file)
+    text = new_study_text(title[0].upper() + title[1:], file, options.preset)
     try:
         with file.open("x", encoding="utf-8", newline="\n") as made:
             made.write(text)

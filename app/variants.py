@@ -54,9 +54,11 @@ def parse_text(text: str) -> Study:
     return parse_study(text, name="changed study", layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 
-def preset_changes(name: str) -> Changes:
-    """What a preset changes in a study file: `paper` and `lab` the coefficients the paper leaves open, `fitted` what
-    was calibrated on the paper's pure teleoperation. `LabError` names the presets."""
+def preset_changes(name: str | None) -> Changes:
+    """What a preset changes in a study file: nothing without one, `paper` and `lab` the coefficients the paper leaves
+    open, `fitted` what was calibrated on the paper's pure teleoperation. `LabError` names the presets."""
+    if name is None:
+        return {}
     if name == "fitted":
         return dict(fitted()["study"])
     if name not in PRESET_NAMES:

@@ -118,6 +118,14 @@ def test_presets_are_study_files_of_their_own() -> None:
     assert plans["lab"].study_text == open_study(None).source_text
 
 
+def test_a_study_file_is_simulated_as_it_stands(tmp_path: Path) -> None:
+    own = changed_study(open_study(None), {"arbiter": {"rationality_per_m": 12.5}})
+    file = tmp_path / "own.toml"
+    file.write_text(own.source_text, encoding="utf-8")
+    assert make_plan(1, "kinematic", None, file).study_text == own.source_text
+    assert "rationality_per_m = 5.0" in make_plan(1, "kinematic", "lab", file).study_text
+
+
 def test_a_participant_depends_on_nobody_else() -> None:
     plan = small_plan()
     assert plan.case(4).seed == plan.case(4).seed

@@ -10,7 +10,7 @@ import pytest
 from frictionless import validate
 
 from app.__main__ import main
-from app.variants import open_study
+from app.variants import fitted, open_study
 from study.design import DEFAULT_STUDY
 from study.export import read_meta, read_table
 from study.overview import expected_minutes, overview
@@ -41,6 +41,14 @@ def test_a_new_study_is_the_papers_under_its_own_title(capsys: pytest.CaptureFix
     text = Path("spill-cleaning_2.toml").read_text(encoding="utf-8")
     assert text.count("#") >= DEFAULT_STUDY.read_text(encoding="utf-8").count("#")
     assert "my-study.toml" not in text
+
+
+def test_a_new_study_may_start_from_a_preset(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "new", "as-fitted", "--preset", "fitted")[0] == 0
+    study, fit = open_study(Path("as-fitted.toml")), fitted()["study"]
+    assert study.arbiter.transition == fit["arbiter"]["transition"] == "replan"
+    assert study.arbiter.rationality_per_m == fit["arbiter"]["rationality_per_m"]
+    assert study.robot.speed_m_s == fit["robot"]["speed_m_s"]
 
 
 @pytest.mark.parametrize(("name", "title"), [("my.toml", "My"), ('say "hi"', 'Say "hi"'), ("größe", "Größe")])
