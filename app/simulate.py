@@ -81,7 +81,7 @@ def setup_of(study_text: str) -> StudySetup:
 
 
 def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None) -> Plan:
-    """The study, with a preset's coefficients if named, and the fitted population. Raises `LabError`, `StudyFileError`."""
+    """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`."""
     if robot not in ROBOTS:
         raise LabError(f"no robot {robot!r}; robots are {', '.join(ROBOTS)}")
     if not 0 <= seed <= MAX_SEED:
