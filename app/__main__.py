@@ -11,12 +11,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
-from app.config import LabConfig, LabError
+from app.config import LOOPBACK, LabConfig, LabError, public_url
 from app.study_commands import add_study_commands
 from study.records import StudyError
-
-LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -165,7 +164,7 @@ def _serve(options: argparse.Namespace) -> None:
         data_dir=options.data,
         host=options.host,
         port=options.port,
-        public_url=options.public_url.rstrip("/") if options.public_url else None,
+        public_url=public_url(options.public_url, options.host),
         study_file=options.study,
         robot=options.robot,
         pace=options.pace,
@@ -206,22 +205,29 @@ async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-
 
 
 def _announce(lab) -> None:  # type: ignore[no-untyped-def]
+    from study.recruiting import open_link
+
     links = {
         "base_url": lab.base_url,
         "experimenter_link": lab.experimenter_link(),
         "demo_link": lab.link(lab.demo_token),
     }
+    rules = lab.setup.study.recruitment
     print(
         f"Shared Autonomy Lab: {lab.setup.study.title}\n"
         f"  front page         {links['base_url']}/\n"
         f"  experimenter       {links['experimenter_link']}\n"
         f"  demo participant   {links['demo_link']}\n"
-        f"  data               {lab.config.data_dir}\n"
+        + (f"  open link          {open_link(lab.base_url, rules)}\n" if rules.open else "")
+        + f"  data               {lab.config.data_dir}\n"
         "Stop with Ctrl+C.",
         flush=True,
     )
     if lab.config.host not in LOOPBACK:
-        print(f"Listening on {lab.config.host}: others can reach this lab. Put HTTPS in front of it.", flush=True)
+        print(f"Listening on {lab.config.host}: others can reach this lab.", flush=True)
+    is_local = urlsplit(lab.base_url).hostname in LOOPBACK
+    if not is_local and not lab.base_url.startswith("https:"):
+        print("Without HTTPS the links travel in the clear, and browsers give pages no gamepad.", flush=True)
     if os.environ.get("SALAB_READY_LINE"):
         print("READY " + json.dumps(links), flush=True)
 

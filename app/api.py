@@ -20,7 +20,7 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
-from app.auth import WrongTokens
+from app.auth import Attempts
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
@@ -192,7 +192,7 @@ def experimenter(request: Request) -> str:
 
 def check_wrong_token(request: Request, token: str) -> None:
     """Counts it; after too many the answer is 429. Who has the right token never gets here."""
-    wrong_tokens: WrongTokens = request.app.state.wrong_tokens
+    wrong_tokens: Attempts = request.app.state.wrong_tokens
     address = request.client.host if request.client else ""
     wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic()))
     if wait_s > 0:
@@ -349,6 +349,6 @@ async def export(lab: TheLab, who: Experimenter, include_pilot: bool = False) ->
 
 def add_api(app: FastAPI) -> None:
     """Put all routes of this file into an app whose `state.lab` is the lab."""
-    app.state.wrong_tokens = WrongTokens()
+    app.state.wrong_tokens = Attempts()
     app.include_router(public)
     app.include_router(private)

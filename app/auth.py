@@ -25,12 +25,11 @@ def same_token(given: str, expected: str) -> bool:
     return hmac.compare_digest(given.encode(), expected.encode())
 
 
-class WrongTokens:
-    """Counts the wrong experimenter's tokens an address has tried, in constant memory: guessing becomes slow.
+class Attempts:
+    """Counts what an address has tried, in constant memory, so that guessing becomes slow.
 
-    Who has the right token is never asked to wait, and neither is a page that was left open and repeats one stale
-    token: only different ones are guesses. At most `addresses` addresses are remembered, the least recent ones are
-    forgotten first.
+    Counted are different things only: a page that was left open and repeats one stale token guesses nothing. At most
+    `addresses` addresses are remembered, the least recent ones are forgotten first.
     """
 
     def __init__(self, allowed: int = 10, within_s: float = 60.0, addresses: int = 1000) -> None:
@@ -39,8 +38,8 @@ class WrongTokens:
         self.addresses = addresses
         self._tried: OrderedDict[str, dict[str, float]] = OrderedDict()
 
-    def add(self, address: str, token: str, now_s: float) -> float:
-        """Another wrong one; the seconds this address has to wait, 0 = none."""
+    def add(self, address: str, tried: str, now_s: float) -> float:
+        """Another one; the seconds this address has to wait, 0 = none."""
         recent = {
             digest: tried_s
             for digest, tried_s in self._tried.pop(address, {}).items()
@@ -49,7 +48,7 @@ class WrongTokens:
         self._tried[address] = recent
         if len(self._tried) > self.addresses:
             self._tried.popitem(last=False)
-        digest = token_hash(token)
+        digest = token_hash(tried)
         if digest not in recent and len(recent) >= self.allowed:
             return self.within_s - (now_s - min(recent.values()))
         recent[digest] = now_s

@@ -32,6 +32,8 @@ from app.messages import (
     Message,
     Note,
     Page,
+    Ping,
+    Pong,
     Status,
     Submit,
     Superseded,
@@ -41,6 +43,8 @@ from app.messages import (
 )
 from app.pilot import Pilot, Sight
 from app.trial import OperatorInput
+from study.eligibility import USER_AGENTS
+from study.protocol import TERMINAL
 
 ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000
@@ -150,6 +154,7 @@ def form_answers(page: Page) -> tuple[str, dict[str, Any]] | None:
     """The step and data that lead on from a page with a form, or None if the page is not one."""
     content = page.content
     makers: Mapping[str, Callable[[], tuple[str, dict[str, Any]]]] = {
+        "eligibility": lambda: ("eligibility", _fit_device(content)),
         "consent": lambda: ("consent", {"accepted": True, "hash": content["hash"]}),
         "demographics": lambda: (
             "demographics",
@@ -164,6 +169,14 @@ def form_answers(page: Page) -> tuple[str, dict[str, Any]] | None:
         "debrief": lambda: ("debrief", {"answers": {}}),
     }
     return makers[page.state]() if page.state in makers else None
+
+
+def _fit_device(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a page reports of a device that has everything. Its round trip is measured all the same."""
+    size = {"width_px": 10_000, "height_px": 10_000}
+    parts = {"has_touch_only": False, "has_webgl": True, "is_secure": True, "pad_id": "scripted"}
+    agent = "".join(USER_AGENTS[name] for name in content["browsers"][:1])
+    return {**size, **parts, "user_agent": agent, "tones": (content["tones"] or [None])[0]}
 
 
 def _middle(form: Mapping[str, Any]) -> dict[str, int]:
@@ -232,7 +245,7 @@ class Bot:
 
     async def run(self) -> BotReport:
         """Go through the whole study."""
-        while self._page is None or self._page.state not in ("done", "withdrawn", "aborted"):
+        while self._page is None or self._page.state not in TERMINAL:
             await self._handle(await self._wire.receive())
         return self.report
 
@@ -255,6 +268,8 @@ class Bot:
                 await self._submit(step, data)
         elif isinstance(message, Ack):
             self._pending.pop(message.id, None)
+        elif isinstance(message, Ping):
+            await self._on_ping(message)
         elif isinstance(message, Error):
             await self._on_error(message)
         elif isinstance(message, Superseded):
@@ -273,12 +288,18 @@ class Bot:
         self._phase_ticks = 0
         if page.state == "instructions":
             await self._answer_questions()
-        else:
+        elif "round_trip" not in page.content.get("checks", ()):  # else once that is measured
             form = form_answers(page)
             if form is not None:
                 await self._submit(*form)
         if page.state == "survey":
             self.report.surveys += 1
+
+    async def _on_ping(self, ping: Ping) -> None:
+        await self._wire.send(Pong(n=ping.n))
+        form = form_answers(self._page) if self._page else None
+        if ping.left == 0 and form is not None:
+            await self._submit(*form)
 
     async def _on_status(self, status: Status) -> None:
         """Start when the robot is ready; the first input of a phase follows when it runs."""

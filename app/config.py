@@ -5,13 +5,52 @@ What a *study* is made of stands in the study file (`study.design`); this is how
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 
 
 class LabError(RuntimeError):
     """Something the lab cannot do; the message is one line that says what and what would help."""
+
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+EVERY_ADDRESS = ("", "0.0.0.0", "::")
+OWN_PATHS = frozenset(
+    {"api", "d", "dashboard", "docs", "join", "openapi.json", "p", "s", "static", "static-offline-docs"}
+)
+"""First parts of the lab's own paths: no prefix may begin with one, or nobody could tell them apart."""
+_SEGMENT = re.compile(r"[A-Za-z0-9._~-]+")
+
+
+def public_url(text: str | None, host: str) -> str | None:
+    """What links begin with, without a slash at its end; None = the address the lab listens on.
+
+    Raises `LabError` for what no link can begin with.
+    """
+    if not text:
+        if host in EVERY_ADDRESS:
+            raise LabError(
+                f"--host {host or repr(host)} listens on every address of this machine, which says nothing a link "
+                "could begin with: add --public-url, such as https://lab.example"
+            )
+        return None
+    parts = urlsplit(text)
+    segments = [segment for segment in parts.path.split("/") if segment]
+    wrong = None
+    if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
+        wrong = "must be an address such as https://lab.example or https://lab.example/study"
+    elif parts.query or parts.fragment:
+        wrong = "must end with the host or a path, without ? and #"
+    elif not all(_SEGMENT.fullmatch(segment) for segment in segments) or ".." in segments:
+        wrong = "may have letters, digits and . _ ~ - in its path"
+    elif segments and segments[0] in OWN_PATHS:
+        wrong = f"has a path that begins like one of the lab's own: {', '.join(sorted(OWN_PATHS))}"
+    if wrong:
+        raise LabError(f"--public-url {text}: {wrong}")
+    return "/".join([f"{parts.scheme}://{parts.netloc}", *segments])
 
 
 @dataclass(frozen=True)
@@ -25,7 +64,7 @@ class LabConfig:
     port: int = 8000
     """Port to listen on; 0 = any free one."""
     public_url: str | None = None
-    """What links begin with when a proxy stands in front; None = http://host:port."""
+    """What links begin with when a proxy stands in front, with a path or without; None = http://host:port."""
     study_file: Path | None = None
     """The study to run; None = the paper's."""
     robot: Literal["bullet", "kinematic"] = "bullet"

@@ -29,6 +29,7 @@ from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
 from study.records import EventRow, StudyError
+from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
 
@@ -210,9 +211,13 @@ class Lab:
     async def new_link(self, participant: str) -> str:
         """Another link to the participant's page, for one that was lost. Raises `NoSuchParticipant`."""
         await self.stored_session(participant)
+        return self.link(await self.new_token(participant))
+
+    async def new_token(self, participant: str, role: Literal["participant", "panel"] = "participant") -> str:
+        """Another key to one of the participant's pages: of those given out before, only hashes are known."""
         token, utc = new_token(), utc_text(self._now_unix_s())
-        await self.store.run(lambda store: store.add_token(participant, "participant", token_hash(token), utc))
-        return self.link(token)
+        await self.store.run(lambda store: store.add_token(participant, role, token_hash(token), utc))
+        return token
 
     async def reject(self, participant: str, reason: str, by: str) -> bool:
         """Give the participant's cell out again; False when somebody was quicker. What was recorded stays."""
@@ -310,8 +315,9 @@ class Lab:
         setup = await self._setup_of(stored.study_hash)
         plan = plan_session(setup.study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
-        enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo)
         resumed = await self.store.run(lambda store: _resumed(store, stored, setup.study))
+        ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
+        enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         around = Surroundings(
             store=self.store,
             study=setup.study,
@@ -340,11 +346,8 @@ class Lab:
         return self._setups[study_hash]
 
     async def _panel_link(self, participant: str) -> str:
-        """A fresh link for the second device: of those given out before, only hashes are known."""
-        token = new_token()
-        utc = utc_text(self._now_unix_s())
-        await self.store.run(lambda store: store.add_token(participant, "panel", token_hash(token), utc))
-        return self.link(token, "panel")
+        """A fresh link for the second device."""
+        return self.link(await self.new_token(participant, "panel"), "panel")
 
     async def _worker_spec(
         self, enrolment: Enrolment, setup: StudySetup, kind: Literal["practice", "trial"], trial: int

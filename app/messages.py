@@ -82,6 +82,8 @@ class Submit(Message):
     type: Literal["submit"] = "submit"
     id: Identifier
     step: Literal[
+        "eligibility",
+        "leave",
         "consent",
         "decline",
         "demographics",
@@ -261,6 +263,8 @@ class Ping(Message):
 
     type: Literal["ping"] = "ping"
     n: int
+    left: int | None = None
+    """How many more follow in a measurement; null for a single probe."""
 
 
 ServerMessage = Annotated[

@@ -6,7 +6,7 @@ Nothing in here carries the condition, the belief or a score: a page cannot leak
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from app.messages import Instruction, Page, Tick
@@ -14,7 +14,9 @@ from app.outcomes import Verdict
 from app.trial_values import TickResult, TrialView
 from sim import views
 from study.design import Study
+from study.eligibility import checks_of, tones_of
 from study.protocol import Session
+from study.recruiting import filled
 from study.surveys import describe
 
 VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
@@ -108,6 +110,9 @@ class PageContext:
     panel_link: str | None
     instruction: Instruction | None
     worker_ready: bool
+    public_id: str = ""
+    ids: Mapping[str, str] = field(default_factory=dict)
+    """The ids of the open link the participant came over, by parameter."""
 
 
 def page(session: Session, context: PageContext) -> Page:
@@ -121,8 +126,23 @@ def page(session: Session, context: PageContext) -> Page:
 
 
 _WITHOUT_TRIAL = frozenset(
-    {"consent", "demographics", "setup", "instructions", "debrief", "done", "withdrawn", "aborted"}
+    {
+        *("eligibility", "consent", "demographics", "setup", "instructions", "debrief"),
+        *("done", "withdrawn", "aborted", "screened_out"),
+    }
 )
+
+
+def _eligibility(session: Session, context: PageContext) -> dict[str, Any]:
+    rules = context.study.eligibility
+    checks = checks_of(rules)
+    return {
+        "title": context.study.title,
+        "checks": list(checks),
+        "gamepad": rules.gamepad,
+        "browsers": list(rules.browsers),
+        "tones": list(tones_of(context.public_id)) if "sound" in checks else [],
+    }
 
 
 def _consent(session: Session, context: PageContext) -> dict[str, Any]:
@@ -144,6 +164,8 @@ def _setup(session: Session, context: PageContext) -> dict[str, Any]:
     return {
         "placement": distractor.placement if distractor.enabled else "none",
         "panel_link": context.panel_link if distractor.placement == "second_device" else None,
+        "gamepad": context.study.eligibility.gamepad,
+        "needs_sound": context.study.eligibility.sound,
     }
 
 
@@ -184,8 +206,13 @@ def _debrief(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _done(session: Session, context: PageContext) -> dict[str, Any]:
-    texts = context.study.texts
-    return {"text": list(texts.thanks), "completion_link": texts.completion_link or None}
+    link = filled(context.study.recruitment.completion_link, context.ids)
+    return {"text": list(context.study.texts.thanks), "completion_link": link}
+
+
+def _screened_out(session: Session, context: PageContext) -> dict[str, Any]:
+    link = filled(context.study.recruitment.screened_out_link, context.ids)
+    return {"text": list(context.study.texts.screened_out), "completion_link": link}
 
 
 def _ended(session: Session, context: PageContext) -> dict[str, Any]:
@@ -210,6 +237,7 @@ def _paused(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 _CONTENT: Mapping[str, Callable[[Session, PageContext], dict[str, Any]]] = {
+    "eligibility": _eligibility,
     "consent": _consent,
     "demographics": _demographics,
     "setup": _setup,
@@ -224,5 +252,6 @@ _CONTENT: Mapping[str, Callable[[Session, PageContext], dict[str, Any]]] = {
     "done": _done,
     "withdrawn": _ended,
     "aborted": _ended,
+    "screened_out": _screened_out,
     "paused": _paused,
 }

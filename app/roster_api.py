@@ -14,6 +14,7 @@ from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.lab import Lab, NoSuchParticipant
 from study import roster
 from study.protocol import Event, IllegalEvent
+from study.recruiting import open_link
 from study.roster import ACTS, Act, Enrolled
 from study.store import Store, StoredSession
 
@@ -23,7 +24,18 @@ PAGE = 50
 router = APIRouter(prefix="/api", tags=["roster"], route_class=ExperimenterRoute)
 
 Show = Literal[
-    "all", "study", "pilot", "demo", "erased", "waiting", "under_way", "done", "rejected", "withdrawn", "aborted"
+    "all",
+    "study",
+    "pilot",
+    "demo",
+    "erased",
+    "waiting",
+    "under_way",
+    "done",
+    "rejected",
+    "withdrawn",
+    "aborted",
+    "screened_out",
 ]
 Reason = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
 
@@ -52,6 +64,8 @@ class RosterLine(BaseModel):
 
     participant: str
     label: str | None
+    ids: dict[str, str]
+    """The ids of the open link they came over; never exported."""
     kind: str
     state: str
     order: list[str]
@@ -61,12 +75,22 @@ class RosterLine(BaseModel):
     why_not: dict[str, str]
 
 
+class RecruitmentReply(BaseModel):
+    """The open link of this study, and how many of its places are taken."""
+
+    open: bool
+    quota: int
+    held: int
+    link: str
+
+
 class RosterReply(BaseModel):
     """One page of the roster, newest first, beside the whole grid."""
 
     title: str
     withdrawal: Literal["keep", "erase"]
     """What the consent text says becomes of the data of somebody who withdraws."""
+    recruitment: RecruitmentReply
     grid: list[GridReply]
     counts: dict[str, int]
     total: int
@@ -114,9 +138,12 @@ class QrRequest(_Body):
     link: Annotated[str, Field(min_length=1, max_length=500)]
 
 
-def enrolment(store: Store) -> tuple[tuple[StoredSession, ...], dict[str, str], tuple[tuple[str, str], ...]]:
-    """Everybody, their labels and the marks of those erased: as many queries for a thousand as for one."""
-    return store.sessions(), store.labels(), store.erasures()
+def enrolment(
+    store: Store,
+) -> tuple[tuple[StoredSession, ...], dict[str, str], dict[str, dict[str, str]], tuple[tuple[str, str], ...]]:
+    """Everybody, their labels, the ids of their links and the marks of those erased: as many queries for a thousand
+    as for one."""
+    return store.sessions(), store.labels(), store.link_ids(), store.erasures()
 
 
 def _enrolled(lab: Lab, stored: StoredSession) -> Enrolled:
@@ -148,12 +175,13 @@ async def read_roster(
     search: Annotated[str, Field(max_length=200)] = "",
 ) -> RosterReply:
     """One page of everybody ever enrolled, erased ones as a mark, and how the counterbalancing is filled."""
-    stored, labels, erasures = await lab.store.run(enrolment)
+    stored, labels, ids, erasures = await lab.store.run(enrolment)
     people = {one.participant: (_enrolled(lab, one), one) for one in stored}
     lines = [
         RosterLine(
             participant=name,
             label=labels.get(name),
+            ids=ids.get(name, {}),
             kind=one.kind,
             state=one.state,
             order=list(one.order),
@@ -163,7 +191,7 @@ async def read_roster(
             why_not={act: roster.why_not(act, one) for act in ACTS},
         )
         for name, (one, session) in people.items()
-        if roster.matches(one, labels.get(name), show, search)
+        if roster.matches(one, " ".join([labels.get(name, ""), *ids.get(name, {}).values()]), show, search)
     ]
     if show in ("all", "erased"):
         lines += [_mark(name, utc) for name, utc in erasures if search.strip().lower() in name.lower()]
@@ -173,6 +201,12 @@ async def read_roster(
     return RosterReply(
         title=study.title,
         withdrawal=study.consent.on_withdrawal,
+        recruitment=RecruitmentReply(
+            open=study.recruitment.open,
+            quota=study.recruitment.quota,
+            held=sum(one.holds_cell for one in everyone),
+            link=open_link(lab.base_url, study.recruitment),
+        ),
         grid=[
             GridReply(
                 order=list(row.order),
@@ -198,6 +232,7 @@ def _mark(participant: str, utc: str) -> RosterLine:
     return RosterLine(
         participant=participant,
         label=None,
+        ids={},
         kind="erased",
         state="erased",
         order=[],

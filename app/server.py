@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 
 from app import sockets
 from app.api import add_api
 from app.config import LabError
+from app.entrance import COOKIES, Prefixed, place_of, prefix, set_cookie
+from app.join_api import STATUS, add_join, look
 from app.lab import Lab, NoSuchParticipant
 from app.live_api import add_live
 from app.results_api import add_results_api
@@ -25,9 +27,6 @@ from app.session import LiveSession
 from app.surroundings import Role
 
 STATIC = Path(__file__).resolve().parent.parent / "static"
-COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}
-"""One each: on one machine the path of the panel is below that of the participant's page."""
-COOKIE_MAX_AGE_S = 30 * 24 * 3600
 MAX_BODY_BYTES = 1_000_000
 """No request needs more; larger ones are refused before they are read."""
 
@@ -64,9 +63,11 @@ def create_app(lab: Lab) -> FastAPI:
     add_roster_api(app)
     add_results_api(app)
     add_live(app, lab)
+    add_join(app, lab)
     _add_errors(app)
     _add_pages(app, lab)
     _add_sockets(app, lab)
+    app.add_middleware(Prefixed, lab=lab)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     return app
 
@@ -107,28 +108,25 @@ def _too_large(request: Request) -> Response | None:
     return None
 
 
-def _page(name: str, status: int = 200) -> Response:
-    headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
-    return FileResponse(STATIC / name, status, headers=headers)
-
-
-def _forbidden() -> Response:
-    """One answer for every link that is not valid: it tells nothing about what exists."""
-    return _page("forbidden.html", 403)
-
-
 def _add_pages(app: FastAPI, lab: Lab) -> None:
+    def page(name: str, status: int = 200) -> Response:
+        """A page of ours; its addresses begin with the lab's prefix."""
+        text = (STATIC / name).read_text(encoding="utf-8").replace('="/', f'="{prefix(lab)}/')
+        headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
+        return HTMLResponse(text, status, headers=headers)
+
+    def forbidden() -> Response:
+        """One answer for every link that is not valid: it tells nothing about what exists."""
+        return page("forbidden.html", 403)
+
     async def enter(request: Request, token: str, role: Role) -> Response:
         """Changes nothing: whoever fetches a link may be a mail scanner. The page's socket is what begins a session."""
         place = await lab.place(token)
         if place is None or place[1] != role:
-            return _forbidden()
-        path = f"/s/{place[0]}" + ("/panel" if role == "panel" else "")
-        response = RedirectResponse(f"{path}/", 303)
-        secure = request.url.scheme == "https" or lab.base_url.startswith("https")
-        response.set_cookie(
-            COOKIES[role], token, max_age=COOKIE_MAX_AGE_S, path=path, httponly=True, samesite="lax", secure=secure
-        )
+            return forbidden()
+        path = place_of(place[0], role)
+        response = RedirectResponse(f"{prefix(lab)}{path}/", 303)
+        set_cookie(response, request, lab, COOKIES[role], token, path)
         return response
 
     async def is_holder(request: Request, public_id: str, role: Role) -> bool:
@@ -137,11 +135,16 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
 
     @app.get("/", include_in_schema=False)
     async def front() -> Response:
-        return _page("index.html")
+        return page("index.html")
 
     @app.get("/dashboard", include_in_schema=False)
     async def dashboard() -> Response:
-        return _page("dashboard.html")
+        return page("dashboard.html")
+
+    @app.get("/join", include_in_schema=False)
+    async def join_page(request: Request) -> Response:
+        """Whoever fetches it may be a mail scanner: the page's button enrols (see `app.join_api`)."""
+        return page("join.html", STATUS.get((await look(request, lab)).answer, 200))
 
     @app.get("/p/{token}", include_in_schema=False)
     async def participant_link(request: Request, token: str) -> Response:
@@ -154,16 +157,16 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     @app.get("/s/{public_id}/", include_in_schema=False)
     async def participant_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
-        return _page("participant.html") if allowed else _forbidden()
+        return page("participant.html") if allowed else forbidden()
 
     @app.get("/s/{public_id}/panel/", include_in_schema=False)
     async def panel_page(request: Request, public_id: str) -> Response:
-        return _page("panel.html") if await is_holder(request, public_id, "panel") else _forbidden()
+        return page("panel.html") if await is_holder(request, public_id, "panel") else forbidden()
 
     @app.get("/s/{public_id}/scene/", include_in_schema=False)
     async def scene_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
-        return scene_page_response(request.headers) if allowed else _forbidden()
+        return scene_page_response(request.headers) if allowed else forbidden()
 
     @app.get("/favicon.ico", include_in_schema=False)
     async def favicon() -> Response:

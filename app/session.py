@@ -23,10 +23,11 @@ from typing import Any, Literal
 from app import pages
 from app.audience import Audience, panel_page, refuse
 from app.course import Course
-from app.messages import Heartbeat, Input, Message, Ping, Pong
+from app.messages import Heartbeat, Input, Message, Pong
 from app.phase import Phase
 from app.recent import Recent
 from app.remarks import Remark, refuse_unless
+from app.round_trips import RoundTrips
 from app.stage import Stage
 from app.submissions import Submissions
 from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
@@ -70,14 +71,13 @@ class LiveSession:
             link=self._link,
             phase=Phase.resumed(resumed.distractor, resumed.tick),
             recent=Recent(resumed.events),
+            round_trips=RoundTrips(around.now_unix_s),
             last_seq=resumed.last_seq,
         )
         self._course = Course(self._stage)
         self._submissions = Submissions(self._stage, self._course)
         self._task: asyncio.Task[None] | None = None
         self._left_s = around.now_unix_s()
-        self._ping = 0
-        self._pinged_s = 0.0
 
     # ---- what the lab and the server call -----------------------------------------------------------------------
 
@@ -255,6 +255,7 @@ class LiveSession:
             stage.panel_link = await self._around.panel_link()
         self._audience.welcome(client, stage.last_seq)
         client.deliver(stage.page() if client.role == "participant" else panel_page(stage.session))
+        stage.measure()
         status = stage.status()
         if status is not None:
             client.deliver(status)
@@ -275,8 +276,7 @@ class LiveSession:
     async def _on_ping(self, work: _Work) -> None:
         client = self._audience.participant
         if client is not None:
-            self._ping, self._pinged_s = self._ping + 1, self._around.now_unix_s()
-            client.deliver(Ping(n=self._ping))
+            self._stage.round_trips.probe(client)
 
     async def _on_message(self, work: _Work) -> None:
         client, message = _present(work.client), work.payload
@@ -284,9 +284,11 @@ class LiveSession:
             return  # taken over: it has been told, and its socket is about to close
         if not isinstance(message, Pong):
             await self._submissions.on_message(client, message)
-        elif message.n == self._ping:
-            self.vitals.round_trip_ms = (self._around.now_unix_s() - self._pinged_s) * 1000.0
-            self._stage.notice("round_trip", "lab", {"ms": round(self.vitals.round_trip_ms, 1)})
+        elif client.role == "participant":
+            round_trip_ms = self._stage.round_trips.answered(client, message)
+            if round_trip_ms is not None:
+                self.vitals.round_trip_ms = round_trip_ms
+                self._stage.notice("round_trip", "lab", {"ms": round(round_trip_ms, 1)})
 
     # ---- hands --------------------------------------------------------------------------------------------------
 
@@ -340,6 +342,7 @@ class LiveSession:
         event, by = work.payload
         data = {"by": by, "reason": event.reason}
         await self._course.advance(event, events=(self._stage.event(event.name, "experimenter", data),))
+        self._stage.measure()
 
     async def _on_remark(self, work: _Work) -> None:
         remark, by = work.payload

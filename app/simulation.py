@@ -109,6 +109,7 @@ class _Run:
         """From consent to thanks."""
         created = self.utc
         steps: Mapping[str, Callable[[], None]] = {
+            "eligibility": lambda: self.advance(Event("eligible")),
             "consent": lambda: self.form("consent", {"accepted": True, "hash": self.case.setup.study.consent.hash}),
             "demographics": self.demographics,
             "setup": lambda: self.form("setup", {"device": "gamepad", "pad_id": "simulated", "sound": True}),

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
+from starlette.requests import HTTPConnection
 
 from app.messages import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
 from app.session import LiveSession
@@ -84,13 +85,16 @@ class Places:
                 del self._open[public_id]
 
 
-def same_origin(websocket: WebSocket, public_url: str | None) -> bool:
-    """Whether a browser's page that opens this socket is one of ours. Clients that are no browsers send no Origin."""
-    origin = websocket.headers.get("origin")
+def same_origin(request: HTTPConnection, public_url: str | None) -> bool:
+    """Whether a browser's page that opens this socket, or sends this request, is one of ours.
+
+    Clients that are no browsers send no Origin.
+    """
+    origin = request.headers.get("origin")
     if origin is None:
         return True
     host = urlsplit(origin).netloc
-    return host == websocket.headers.get("host") or (public_url is not None and host == urlsplit(public_url).netloc)
+    return host == request.headers.get("host") or (public_url is not None and host == urlsplit(public_url).netloc)
 
 
 async def serve(websocket: WebSocket, session: LiveSession, role: Role) -> None:

@@ -14,10 +14,12 @@ from app.messages import Instruction, Status
 from app.pages import PageContext
 from app.phase import Phase
 from app.recent import Recent
+from app.round_trips import RoundTrips
 from app.surroundings import Enrolment, Surroundings, Vitals, utc_text
 from app.trial import CycleStart
 from app.worker_link import WorkerLink
 from study.distractor import DistractorState
+from study.eligibility import PINGS, Check, checks_of
 from study.protocol import Session
 from study.records import EventRow
 from study.store import Cycle
@@ -30,7 +32,8 @@ class Stage:
     """One session, to the parts that act on it (`app.session` says who does what).
 
     `noticed` is what was measured during a trial and not written yet: it goes to disk with the next tick.
-    `last_seq` numbers the last input taken. `panel_link` is the second device's link, once one was made.
+    `lacking` is what the last check of the device found wanting. `last_seq` numbers the last input taken. `panel_link`
+    is the second device's link, once one was made.
     """
 
     enrolment: Enrolment
@@ -41,6 +44,8 @@ class Stage:
     link: WorkerLink
     phase: Phase
     recent: Recent
+    round_trips: RoundTrips
+    lacking: tuple[Check, ...] = ()
     last_seq: int = 0
     panel_link: str | None = None
     noticed: list[EventRow] = field(default_factory=list)
@@ -117,8 +122,23 @@ class Stage:
         if self.phase.view is not None:
             shown = pages.instruction(self.phase.view, self.around.labels, practice)
         scene_path = f"/s/{self.enrolment.public_id}/scene/"
-        context = PageContext(self.around.study, scene_path, self.panel_link, shown, self.link.ready)
+        context = PageContext(
+            study=self.around.study,
+            scene_path=scene_path,
+            panel_link=self.panel_link,
+            instruction=shown,
+            worker_ready=self.link.ready,
+            public_id=self.enrolment.public_id,
+            ids=self.enrolment.ids,
+        )
         return pages.page(self.session, context)
+
+    def measure(self) -> None:
+        """Measure the round trip of a page whose device is being checked, if the study asks for it."""
+        client = self.audience.participant
+        is_asked = "round_trip" in checks_of(self.around.study.eligibility)
+        if client is not None and self.session.state == "eligibility" and is_asked:
+            self.round_trips.measure(client, PINGS)
 
     def status(self) -> Status | None:
         """Whether ticks run, and if not, why; None when no robot is needed."""

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from study.design import Study
+from study.eligibility import Check, Device, browser_of, checks_of, shortcomings, tones_of
 from study.protocol import Event, Session
 from study.records import SurveyAnswerRow
 from study.surveys import (
@@ -29,17 +30,22 @@ Name = Annotated[str, Field(max_length=200)]
 
 
 class Refused(ValueError):
-    """A submission the lab cannot take: `problems` are (field, message); `kept` is recorded all the same."""
+    """A submission the lab cannot take: `problems` are (field, message).
+
+    `kept` are answers, `log` is an event (kind, data) recorded all the same.
+    """
 
     def __init__(
         self,
         code: Literal["invalid", "illegal"],
         *problems: tuple[str | None, str],
         kept: tuple[SurveyAnswerRow, ...] = (),
+        log: tuple[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self.code = code
         self.problems = problems
         self.kept = kept
+        self.log = log
         super().__init__("; ".join(message for _, message in problems))
 
 
@@ -63,10 +69,32 @@ class StepContext:
     session: Session
     condition: str
     utc: str
+    public_id: str = ""
+    round_trip_ms: float | None = None
+    """Median the lab measured while the device was checked; None = not measured."""
+    lacking: tuple[Check, ...] = ()
+    """What the last check of the device found wanting."""
 
 
 class _Data(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Pixels = Annotated[int, Field(ge=0, le=100_000)]
+
+
+class EligibilityData(_Data):
+    """What the page reports of its device, as far as the study asks."""
+
+    user_agent: Annotated[str, Field(max_length=500)] = ""
+    has_touch_only: bool | None = None
+    width_px: Pixels | None = None
+    height_px: Pixels | None = None
+    has_webgl: bool | None = None
+    is_secure: bool | None = None
+    pad_id: Name | None = None
+    tones: Annotated[int, Field(ge=0, le=100)] | None = None
+    tone_try: Annotated[int, Field(ge=0, le=1000)] = 0
 
 
 class ConsentData(_Data):
@@ -134,6 +162,41 @@ def check(problems: tuple[AnswerProblem, ...]) -> None:
         raise Refused("invalid", *((problem.field, problem.message) for problem in problems))
 
 
+def _eligibility(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    device = Device(**parse(EligibilityData, data).model_dump())
+    if context.session.state != "eligibility":
+        return Outcome(Event("eligible"))  # which the protocol refuses
+    rules = context.study.eligibility
+    found = shortcomings(rules, device, context.round_trip_ms, tones_of(context.public_id))
+    log = _device_log(checks_of(rules), device, context.round_trip_ms)
+    if found:
+        lacking = {"lacking": [one.check for one in found]}
+        problems = [(one.check, one.text) for one in found]
+        raise Refused("invalid", *problems, log=("device_not_fit", {**log, **lacking}))
+    return Outcome(Event("eligible"), log=log)
+
+
+def _device_log(checks: tuple[Check, ...], device: Device, round_trip_ms: float | None) -> dict[str, Any]:
+    """What is recorded of a device: only what was asked for, and nothing that tells one browser from its like."""
+    told: Mapping[Check, Mapping[str, Any]] = {
+        "browser": {"browser": browser_of(device.user_agent)},
+        "touch": {"has_touch_only": device.has_touch_only},
+        "window": {"width_px": device.width_px, "height_px": device.height_px},
+        "webgl": {"has_webgl": device.has_webgl},
+        "round_trip": {"round_trip_ms": None if round_trip_ms is None else round(round_trip_ms, 1)},
+        "gamepad": {"gamepad": device.pad_id is not None},
+        "sound": {"tones": device.tones},
+    }
+    return {name: value for check in checks for name, value in told[check].items()}
+
+
+def _leave(context: StepContext, data: Mapping[str, Any]) -> Outcome:
+    parse(NoData, data)
+    if not context.lacking:
+        raise Refused("illegal", ("step", "the device has not been checked since the lab started; check it again"))
+    return Outcome(Event("screened_out", json.dumps(context.lacking)))
+
+
 def _consent(context: StepContext, data: Mapping[str, Any]) -> Outcome:
     given = parse(ConsentData, data)
     if given.hash != context.study.consent.hash:
@@ -154,7 +217,11 @@ def _demographics(context: StepContext, data: Mapping[str, Any]) -> Outcome:
 
 
 def _setup(context: StepContext, data: Mapping[str, Any]) -> Outcome:
-    setup = parse(SetupData, data)
+    setup, rules = parse(SetupData, data), context.study.eligibility
+    if rules.gamepad == "required" and setup.device != "gamepad":
+        raise Refused("invalid", ("data.device", "This study is done with a gamepad. Please set one up."))
+    if rules.sound and not setup.sound:
+        raise Refused("invalid", ("data.sound", "This study needs sound. Please play the alarm again and turn it up."))
     if len(json.dumps(setup.mapping)) > 8000:
         raise Refused("invalid", ("data.mapping", "is larger than 8000 characters of JSON"))
     return Outcome(Event("setup_done"), log=setup.model_dump())
@@ -216,6 +283,8 @@ def _plain(event: Literal["start", "continue", "resume"]) -> Callable[[StepConte
 
 
 STEPS: Mapping[str, Callable[[StepContext, Mapping[str, Any]], Outcome]] = {
+    "eligibility": _eligibility,
+    "leave": _leave,
     "consent": _consent,
     "decline": _decline,
     "demographics": _demographics,

@@ -61,13 +61,17 @@ class Submissions:
             else:
                 await self._on_step(client, message)
         except Refused as refused:
-            if refused.kept:
-                data = {"step": message.step, "fields": [place for place, _ in refused.problems]}
-                event = stage.event("answers_not_right", "participant", data)
+            fields = [place for place, _ in refused.problems]
+            if refused.kept or refused.log:
+                kind, data = refused.log or ("answers_not_right", {"step": message.step, "fields": fields})
+                event = stage.event(kind, "participant", data)
                 response = {"code": refused.code, "problems": refused.problems}
                 await stage.commit(submission=message.id, response=response, answers=refused.kept, events=(event,))
             for place, text in refused.problems:
                 refuse(client, refused.code, place, text, message.id)
+            if message.step == "eligibility" and refused.log:
+                stage.lacking = tuple(refused.log[1]["lacking"])
+                stage.measure()
         except protocol.IllegalEvent as illegal:
             refuse(client, "illegal", "step", str(illegal), message.id)
             client.deliver(stage.page())
@@ -75,7 +79,15 @@ class Submissions:
     async def _on_step(self, client: Client, message: Submit) -> None:
         stage = self._stage
         condition = stage.enrolment.plan.trial(stage.session.trial).condition
-        context = StepContext(stage.around.study, stage.session, condition, stage.around.now_utc())
+        context = StepContext(
+            study=stage.around.study,
+            session=stage.session,
+            condition=condition,
+            utc=stage.around.now_utc(),
+            public_id=stage.enrolment.public_id,
+            round_trip_ms=stage.round_trips.median_ms,
+            lacking=stage.lacking,
+        )
         outcome = STEPS[message.step](context, message.data)
         events = (stage.event(f"step_{message.step}", "participant", dict(outcome.log or {})),)
         if message.step == "help":

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Literal, Protocol
 
@@ -58,6 +58,8 @@ class Enrolment:
     plan: SessionPlan
     pace: Pace
     demo: bool
+    ids: Mapping[str, str] = field(default_factory=dict)
+    """The ids of the open link they came over, by parameter."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 // The HTTP API as the dashboard uses it. Errors are thrown as sentences with the HTTP status.
 
+import { labUrl } from "./root.js";
 import { tab } from "./store.js";
 
 const STATUS = {
@@ -83,7 +84,7 @@ export class Api {
     try {
       const headers = { Authorization: `Bearer ${this.token}` };
       if (body !== undefined) headers["Content-Type"] = "application/json";
-      answer = await fetch(path, { method, headers, body: body === undefined ? undefined : JSON.stringify(body), cache: "no-store" });
+      answer = await fetch(labUrl(path), { method, headers, body: body === undefined ? undefined : JSON.stringify(body), cache: "no-store" });
     } catch {
       throw Object.assign(new Error("The lab does not answer. Is it still running?"), { status: 0 });
     }

@@ -6,11 +6,12 @@ export const STATES = {
   created: "Not opened yet", consent: "Consent", demographics: "Demographics", setup: "Set-up", instructions: "Instructions",
   practice_ready: "Before practice", practice: "Practice", trial_ready: "Before the trial", trial: "In a trial", survey: "Survey",
   break: "Break", debrief: "Debrief", done: "Complete", paused: "Paused", withdrawn: "Withdrawn", aborted: "Aborted",
+  eligibility: "Device check", screened_out: "Screened out",
 };
-const LEVELS = { trial: ["play", "good"], practice: ["play", "good"], paused: ["pause", "warn"], done: ["check", "good"], withdrawn: ["hand", "warn"], aborted: ["warning", "bad"] };
+const LEVELS = { trial: ["play", "good"], practice: ["play", "good"], paused: ["pause", "warn"], done: ["check", "good"], withdrawn: ["hand", "warn"], aborted: ["warning", "bad"], screened_out: ["hand", "warn"] };
 const CAUSES = { connection: "connection lost", experimenter: "by the experimenter" };
-const OVER = new Set(["done", "withdrawn", "aborted"]);
-const WITHOUT_TRIAL = new Set(["consent", "demographics", "setup", "instructions", "debrief", "done", "withdrawn", "aborted"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
+const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
 const COLUMNS = ["Participant", "State", "Trial", "Task", "Connection", "Remarks", "Actions"];
 
 function connectionOf(session) {
@@ -18,7 +19,7 @@ function connectionOf(session) {
   if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
   const trip = Number.isFinite(session.round_trip_ms) ? ` · ${Math.round(session.round_trip_ms)} ms` : "";
   if (session.connected) return ["check", `Connected${trip}`, "good"];
-  return ["lost", "Not connected", session.state === "consent" ? "" : "bad"];
+  return ["lost", "Not connected", session.state === "consent" || session.state === "eligibility" ? "" : "bad"];
 }
 
 function ratio(now, all) {

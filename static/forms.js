@@ -2,6 +2,7 @@
 
 import { freshId, h, icon, whileBusy } from "./dom.js";
 import { checkAll, question, showRefusals, valuesOf } from "./questions.js";
+import { safeLink } from "./links.js";
 import { ask, card, stepButton } from "./shell.js";
 import { tab } from "./store.js";
 
@@ -114,25 +115,66 @@ const ENDS = {
   done: ["Thank you", "check"],
   withdrawn: ["You have stopped taking part", "hand"],
   aborted: ["The session was ended", "warning"],
+  screened_out: ["This study does not fit your device", "info"],
 };
 
-function safeLink(link) {
-  try {
-    const url = new URL(link, location.href);
-    return ["http:", "https:"].includes(url.protocol) ? url.href : null;
-  } catch {
-    return null;
-  }
-}
+const FORWARD_S = 10;
 
-export function endView(_context, page) {
+/** The last page. Its link appears when the lab has everything this browser still kept for it, and not before. */
+export function endView({ socket, session }, page) {
   const [title, sign] = ENDS[page.state];
   const link = page.content.completion_link ? safeLink(page.content.completion_link) : null;
-  const element = card({
-    title, sign, lines: page.content.text, testid: `page-${page.state}`,
-    actions: link ? [h("a", { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } }, "Continue to the completion page")] : [],
-  });
-  return { element };
+  const last = h("div", { class: "last-words" });
+  let timer = 0;
+  let saved = null;
+
+  function forward() {
+    const key = `${session}:forwarded`; // once: who comes back to this page wants to read it
+    const onward = h("a", { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } }, page.state === "done" ? "Continue to the completion page" : "Continue");
+    last.replaceChildren(h("div", { class: "actions" }, onward));
+    if (page.state !== "done" || tab.get(key)) return;
+    let left = FORWARD_S;
+    const words = h("p", { class: "hint", data: { testid: "forward-words" } });
+    const stay = h("button", { type: "button", class: "secondary large", data: { testid: "forward-stay" } }, "Stay on this page");
+    const say = () => (words.textContent = `You are taken there in ${left} seconds.`);
+    stay.addEventListener("click", () => {
+      clearInterval(timer);
+      words.remove();
+      stay.remove();
+      onward.focus();
+    });
+    timer = setInterval(() => {
+      left -= 1;
+      say();
+      if (left > 0) return;
+      clearInterval(timer);
+      tab.set(key, true);
+      location.assign(link);
+    }, 1000);
+    say();
+    last.append(words);
+    last.firstChild.append(stay);
+  }
+
+  function update() {
+    const now = socket.outbox.waiting().length === 0;
+    if (now === saved) return;
+    saved = now;
+    if (!saved) last.replaceChildren(h("p", { class: "waiting", role: "status", data: { testid: "still-saving" } }, h("span", { class: "spinner", "aria-hidden": "true" }), "Your last answers are on their way. Please keep this page open until this line is gone."));
+    else if (link) forward();
+    else last.replaceChildren();
+  }
+  const stayHere = (event) => saved || event.preventDefault();
+  for (const name of ["ack", "refused"]) socket.addEventListener(name, update);
+  addEventListener("beforeunload", stayHere);
+  update();
+  const element = card({ title, sign, lines: page.content.text, testid: `page-${page.state}`, body: last });
+  const close = () => {
+    clearInterval(timer);
+    for (const name of ["ack", "refused"]) socket.removeEventListener(name, update);
+    removeEventListener("beforeunload", stayHere);
+  };
+  return { element, close };
 }
 
 const CAUSES = {

@@ -2,7 +2,7 @@
 //
 // Events: "sessions" (all of them, in order of enrolment), "watched" (news of the open one), "state" (true = fed).
 
-import { socketUrl } from "./socket.js";
+import { socketUrl } from "./root.js";
 
 const FIRST_RETRY_MS = 500;
 const LAST_RETRY_MS = 8000;

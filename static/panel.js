@@ -3,13 +3,14 @@
 import { AlertView } from "./alert.js";
 import { h, icon, setText } from "./dom.js";
 import { card, Toasts } from "./shell.js";
-import { LabSocket, socketUrl } from "./socket.js";
+import { sessionOfPage, socketUrl } from "./root.js";
+import { LabSocket } from "./socket.js";
 import { Sound } from "./sound.js";
 
-const OVER = new Set(["done", "withdrawn", "aborted"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 const RESULTS = { answered: "Reading saved.", expired: "Time ran out for the last reading.", trial_ended: "The round has ended." };
 
-const session = location.pathname.match(/^\/s\/([^/]+)/)?.[1] ?? "none";
+const session = sessionOfPage();
 const socket = new LabSocket({ url: socketUrl(`/s/${session}/panel/socket`), name: `${session}:panel` });
 const sound = new Sound();
 const toasts = new Toasts();

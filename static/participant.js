@@ -4,16 +4,19 @@ import { legendFor } from "./controls.js";
 import { DriveView } from "./drive.js";
 import { h } from "./dom.js";
 import { breakView, consentView, debriefView, demographicsView, endView, instructionsView, pausedBody } from "./forms.js";
+import { eligibilityView } from "./eligibility.js";
 import { Pads } from "./gamepad.js";
 import { Input } from "./input.js";
 import { Keyboard } from "./keyboard.js";
 import { setupView } from "./setup.js";
 import { ask, card, Shell } from "./shell.js";
-import { LabSocket, socketUrl } from "./socket.js";
+import { sessionOfPage, socketUrl } from "./root.js";
+import { LabSocket } from "./socket.js";
 import { Sound } from "./sound.js";
 import { surveyView } from "./survey.js";
 
 const VIEWS = {
+  eligibility: eligibilityView,
   consent: consentView,
   demographics: demographicsView,
   setup: setupView,
@@ -24,11 +27,12 @@ const VIEWS = {
   done: endView,
   withdrawn: endView,
   aborted: endView,
+  screened_out: endView,
 };
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
-const OVER = new Set(["done", "withdrawn", "aborted"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 
-const session = location.pathname.match(/^\/s\/([^/]+)/)?.[1] ?? "none";
+const session = sessionOfPage();
 const socket = new LabSocket({ url: socketUrl(`/s/${session}/socket`), name: session });
 const sound = new Sound();
 const keyboard = new Keyboard();
@@ -55,7 +59,7 @@ function replace(next, identity) {
 
 function showPage(page) {
   shell.rest(OVER.has(page.state));
-  shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" });
+  shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility" });
   if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
     if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");
     view.show(page);

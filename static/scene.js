@@ -1,6 +1,7 @@
 // The 3-D picture: viser's own client in a frame that cannot be touched or focused, our signs above it, and views.
 
 import { h, icon, setText } from "./dom.js";
+import { labUrl } from "./root.js";
 import { tab } from "./store.js";
 
 const SIGNS = {
@@ -52,7 +53,7 @@ export class Scene {
     this.key = key;
     this._drawn = false;
     this._sceneLost = false;
-    this.frame.src = src;
+    this.frame.src = labUrl(src);
     this._update();
   }
 

@@ -21,7 +21,7 @@ function section(number, title, testid) {
 }
 
 export function setupView({ socket, input, pads, keyboard, sound }, page) {
-  const { placement, panel_link } = page.content;
+  const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
   const closers = [];
   const chosen = { device: input.chosen, padId: pads.padId, mapping: pads.mapping, deadZone: pads.deadZone, sound: null };
   const drive = section(1, "How do you want to drive?", "setup-drive");
@@ -30,9 +30,9 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
 
   const driveDetail = h("div", { class: "setup-detail" });
   const cards = [
-    ["gamepad", "Gamepad", "Any pad with a stick or a cross, and a few buttons"],
+    ["gamepad", "Gamepad", `${gamepad === "preferred" ? "Recommended. " : ""}Any pad with a stick or a cross, and a few buttons`],
     ["keyboard", "Keyboard", "Letters or arrow keys"],
-  ].map(([device, label, hint]) => {
+  ].filter(([device]) => device === "gamepad" || gamepad !== "required").map(([device, label, hint]) => {
     const radio = h("input", { type: "radio", name: "device", value: device });
     radio.checked = chosen.device === device;
     radio.addEventListener("change", () => choose(device));
@@ -129,7 +129,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     chosen.sound = value;
     hearError.hidden = true;
     hear.done(value ? "Heard" : "Not heard");
-    setText(heard, value ? "Good. Keep the volume as it is." : "Turn up the volume or plug in headphones, and play it again. You can also go on without sound; then watch for the readings.");
+    setText(heard, value ? "Good. Keep the volume as it is." : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`);
   }
   hear.body.append(h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."), h("div", { class: "actions" }, play, yes, no), heard, hearError);
 

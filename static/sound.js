@@ -45,6 +45,15 @@ export class Sound extends EventTarget {
     return true;
   }
 
+  /** Plays so many tones, apart enough to be counted. Resolves to whether they really sounded. */
+  async tones(count) {
+    if (!(await this.unlock())) return false;
+    this.silence();
+    const start = this.context.currentTime + 0.2;
+    for (let tone = 0; tone < count; tone += 1) this._beep(start + 0.5 * tone, 660, 0.22, 0.4);
+    return true;
+  }
+
   /** A short soft tone for "saved". */
   async confirm() {
     if (!this.ready) return;

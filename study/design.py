@@ -29,8 +29,10 @@ from study.parts import (
     Consent,
     DemographicItem,
     DistractorSettings,
+    Eligibility,
     Instructions,
     QualityRules,
+    Recruitment,
     RobotSettings,
     Texts,
 )
@@ -88,6 +90,8 @@ class Study(Part):
     robot: RobotSettings = RobotSettings()
     distractor: DistractorSettings = DistractorSettings()
     quality: QualityRules = QualityRules()
+    eligibility: Eligibility = Eligibility()
+    recruitment: Recruitment = Recruitment()
 
     hash: str = Field(default="", exclude=True)
     """SHA-256 of `source_text`: the file's bytes, when it has no questionnaires in files beside it."""
@@ -114,6 +118,7 @@ class Study(Part):
     def skips(self) -> frozenset[str]:
         """States of the session that this study leaves out (see `study.protocol`)."""
         present = {
+            "eligibility": self.eligibility != Eligibility(),
             "demographics": bool(self.demographics),
             "practice_ready": self.practice,
             "survey": bool(self.surveys),

@@ -9,7 +9,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from study.instruments import INSTRUMENTS
+from study.parts import Recruitment
 from study.questionnaires import own_ids, questionnaire_problems
+from study.recruiting import placeholders
 from study.study_file import Problem, choices_sentence
 
 
@@ -60,6 +62,7 @@ def cross_problems(
         for number, entry in _tables(entries):
             yield from _option_problems((*place, number), entry)
     yield from _distractor_problems(data.get("distractor"))
+    yield from _recruitment_problems(data.get("recruitment"))
     yield from questionnaire_problems(data)
 
 
@@ -91,6 +94,28 @@ def _distractor_problems(distractor: object) -> Iterator[Problem]:
         yield Problem(("distractor", "away_min_s"), f"must be at most answer_within_s, which is {within}")
     if _both_numbers(distractor.get("decimals", 1), digits) and distractor.get("decimals", 1) >= digits:
         yield Problem(("distractor", "decimals"), f"must be below digits, which is {digits}")
+
+
+_LINKS = ("completion_link", "screened_out_link", "full_link")
+
+
+def _recruitment_problems(recruitment: object) -> Iterator[Problem]:
+    if not isinstance(recruitment, dict):
+        return
+    table = "recruitment"
+    if recruitment.get("open") is True and recruitment.get("quota", 0) == 0:
+        yield Problem((table, "quota"), "must be at least 1 when open is true")
+    given = _texts(recruitment.get("id_parameters", list(Recruitment().id_parameters)))
+    names = [name for _, name in given]
+    yield from _repeated("parameters", [(place, name, (table, "id_parameters", place)) for place, name in given])
+    person = recruitment.get("person", Recruitment().person)
+    if isinstance(person, str) and names and person not in names:
+        yield Problem((table, "person"), choices_sentence(person, names, "id_parameters"))
+    for field in _LINKS:
+        link = recruitment.get(field)
+        for name in placeholders(link) if isinstance(link, str) else ():
+            if name not in names:
+                yield Problem((table, field), f"{{{name}}} is none of the id_parameters: {', '.join(names)}")
 
 
 def _both_numbers(*values: object) -> bool:

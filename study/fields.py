@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+LINK = re.compile(r"https?://[^\s/?#@]+(?:[/?#]\S*)?\Z")
+
+
+def _link(value: object) -> object:
+    if isinstance(value, str) and (value == "" or LINK.match(value)):
+        return value
+    raise PydanticCustomError("link", 'must be a link that begins with https:// or http://, or "" for none')
+
 
 Text = Annotated[str, Field(min_length=1, strict=True)]
 Identifier = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z0-9][a-z0-9_]*$", strict=True)]
 Paragraphs = Annotated[tuple[Text, ...], Field(min_length=1)]
 Flag = Annotated[bool, Field(strict=True)]
+Link = Annotated[str, BeforeValidator(_link)]
+ParameterName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", strict=True)]
+"""What a parameter in a link is called, such as PROLIFIC_PID."""
 
 
 def number(**bounds: Any) -> Any:

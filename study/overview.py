@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from study.design import Study, orders
+from study.eligibility import checks_of
+from study.recruiting import open_link
 
 TRAVEL_M = 1.7
 """Way of the gripper for one object: there, to the bin, and the detours of a person; simulated participants' mean."""
@@ -27,7 +29,7 @@ def expected_minutes(study: Study) -> float:
 
 
 def overview(study: Study) -> str:
-    """The study in one line: conditions, orders, trials, tasks, questions, minutes."""
+    """The study in one line: conditions, orders, trials, tasks, questions, minutes, and who may take part."""
     trials = len(study.conditions)
     questions = sum(len(form.items) for form in study.instruments)
     parts = [
@@ -36,6 +38,11 @@ def overview(study: Study) -> str:
         f"{_count(questions, 'question')} after each" if questions else "no questionnaires",
         f"about {round(expected_minutes(study))} minutes",
     ]
+    checks = checks_of(study.eligibility)
+    if checks:
+        parts.append(f"asks of the device: {', '.join(checks)}")
+    if study.recruitment.open:
+        parts.append(f"open to {study.recruitment.quota} over {open_link('', study.recruitment)}")
     return "; ".join(parts)
 
 

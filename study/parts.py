@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Union
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from study.fields import Flag, Identifier, Paragraphs, Part, Text, number
+from study.fields import Flag, Identifier, Link, Paragraphs, ParameterName, Part, Text, number
 
 
 def _calibrated_or_number(value: object) -> object:
@@ -76,7 +76,7 @@ class Instructions(Part):
 
 
 class Texts(Part):
-    """The lab's words between and after the trials. `completion_link` is opened from the last page, if given."""
+    """The lab's words between and after the trials."""
 
     between_trials: Paragraphs
     debrief: Paragraphs
@@ -84,7 +84,9 @@ class Texts(Part):
     thanks: Paragraphs
     withdrawn: Paragraphs
     aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
-    completion_link: Annotated[str, Field(strict=True)] = ""
+    screened_out: Paragraphs = (
+        "This study cannot be done on this device, so that it ends here. Thank you for your interest.",
+    )
 
 
 class Condition(Part):
@@ -147,3 +149,51 @@ class QualityRules(Part):
     max_focus_losses: int = number(default=3, ge=0, le=1_000_000)
     max_pad_losses: int = number(default=1, ge=0, le=1_000_000)
     max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)
+
+
+Browser = Literal["chrome", "edge", "firefox", "opera", "safari"]
+
+
+class Eligibility(Part):
+    """What a device must have, checked before consent. With everything at its default nothing is asked for, and nobody
+    sees the check."""
+
+    gamepad: Literal["any", "preferred", "required"] = "any"
+    sound: Flag = False
+    """Whether the participant has to hear: they count tones."""
+    webgl: Flag = False
+    """Whether the browser has to draw in 3-D."""
+    keyboard_or_mouse: Flag = False
+    """Whether devices with nothing but a touch screen are turned away."""
+    max_round_trip_ms: float = number(default=0.0, ge=0.0, le=10_000.0)
+    """Median from the lab to the page and back, measured by the lab; 0 = not asked for."""
+    min_window_width_px: int = number(default=0, ge=0, le=10_000)
+    min_window_height_px: int = number(default=0, ge=0, le=10_000)
+    """Of the page inside its window, in CSS pixels; 0 = any."""
+    browsers: tuple[Browser, ...] = ()
+    """Empty = any."""
+
+
+class Recruitment(Part):
+    """An open link, `/join`, over which people enrol themselves, and where they are sent afterwards."""
+
+    open: Flag = False
+    quota: int = number(default=0, ge=0, le=100_000)
+    """At most so many hold a cell, those with a personal link included. An open study has to say."""
+    id_parameters: Annotated[tuple[ParameterName, ...], Field(min_length=1, max_length=10)] = (
+        "PROLIFIC_PID",
+        "STUDY_ID",
+        "SESSION_ID",
+    )
+    """Parameters of the link that are kept, apart from the data."""
+    person: ParameterName = "PROLIFIC_PID"
+    """The one of them that says who somebody is. It must be in the link; the same person is enrolled once."""
+    completion_link: Link = ""
+    """Where the last page leads. In every link `{NAME}` stands for what the parameter NAME was."""
+    screened_out_link: Link = ""
+    full_link: Link = ""
+    welcome: Paragraphs = (
+        "Thank you for your interest in this study. It runs in this browser, and nothing has to be installed.",
+        "Press Begin when you have time and quiet to take part.",
+    )
+    full: Paragraphs = ("This study has all the participants it needs. Thank you for your interest.",)

@@ -4,7 +4,7 @@
 to carry out; nothing here waits, starts or stores anything. Effects are not written in the table: they follow from
 what each state needs (`NEEDS`), by comparing before and after.
 
-    consent → demographics → setup → instructions
+    eligibility → consent → demographics → setup → instructions
             → (practice_ready → practice → trial_ready → trial → survey → break) for each trial, no break after the last
             → debrief → done
 
@@ -21,6 +21,7 @@ from typing import Any, Literal, Union, cast, get_args
 from study.records import StudyError
 
 State = Literal[
+    "eligibility",
     "consent",
     "demographics",
     "setup",
@@ -36,8 +37,11 @@ State = Literal[
     "paused",
     "withdrawn",
     "aborted",
+    "screened_out",
 ]
 EventName = Literal[
+    "eligible",
+    "screened_out",
     "consent_given",
     "consent_declined",
     "demographics_done",
@@ -57,13 +61,15 @@ EventName = Literal[
     "abort",
 ]
 Cause = Literal["connection", "experimenter"]
-Outcome = Literal["done", "declined", "withdrawn", "aborted"]
+Outcome = Literal["done", "declined", "withdrawn", "aborted", "screened_out"]
 WorkerKind = Literal["practice", "trial"]
 
 STATES: tuple[State, ...] = get_args(State)
 EVENTS: tuple[EventName, ...] = get_args(EventName)
-TERMINAL: frozenset[State] = frozenset({"done", "withdrawn", "aborted"})
-SKIPPABLE: frozenset[State] = frozenset({"demographics", "practice_ready", "survey"})
+TERMINAL: frozenset[State] = frozenset({"done", "withdrawn", "aborted", "screened_out"})
+FREES_CELL: frozenset[State] = TERMINAL - {"done"}
+"""Ends at which the cell of the counterbalancing is given out again."""
+SKIPPABLE: frozenset[State] = frozenset({"eligibility", "demographics", "practice_ready", "survey"})
 """States a study may leave out; leaving out `practice_ready` leaves out `practice`."""
 
 
@@ -80,7 +86,8 @@ class IllegalEvent(StudyError):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. `reason` is kept with `withdraw`, `abort` and `experimenter_pause`."""
+    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort` and
+    `experimenter_pause`."""
 
     name: EventName
     reason: str | None = None
@@ -173,6 +180,8 @@ NEEDS: Mapping[State, tuple[WorkerKind | None, bool]] = {
 """The worker a state needs and whether it ticks. States that are not here need none."""
 
 RULES: Mapping[tuple[State, EventName], State] = {
+    ("eligibility", "eligible"): "consent",
+    ("eligibility", "screened_out"): "screened_out",
     ("consent", "consent_given"): "demographics",
     ("consent", "consent_declined"): "withdrawn",
     ("demographics", "demographics_done"): "setup",
@@ -194,7 +203,19 @@ PAUSED_RULES: frozenset[EventName] = frozenset({"practice_done", "trial_done"})
 ANYWHERE: tuple[EventName, ...] = ("connection_lost", "experimenter_pause", "withdraw", "abort")
 """Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere."""
 
-_SKIP_TO: Mapping[State, State] = {"demographics": "setup", "practice_ready": "trial_ready", "survey": "break"}
+_SKIP_TO: Mapping[State, State] = {
+    "eligibility": "consent",
+    "demographics": "setup",
+    "practice_ready": "trial_ready",
+    "survey": "break",
+}
+_ENDS: Mapping[EventName, tuple[State, Outcome]] = {
+    "screened_out": ("screened_out", "screened_out"),
+    "consent_declined": ("withdrawn", "declined"),
+    "withdraw": ("withdrawn", "withdrawn"),
+    "abort": ("aborted", "aborted"),
+}
+"""What ends a session before its time: the state it is in then, and the outcome."""
 _CLEARED_BY: Mapping[EventName, Cause] = {"resume": "connection", "experimenter_resume": "experimenter"}
 
 
@@ -205,7 +226,8 @@ def new_session(participant: str, trials: int, skips: Iterable[str] = ()) -> Ses
         raise StudyError(f"trials is {trials}, must be at least 1")
     if not chosen <= SKIPPABLE:
         raise StudyError(f"cannot skip {sorted(chosen - SKIPPABLE)}; skippable are {sorted(SKIPPABLE)}")
-    return Session(participant=participant, trials=trials, skips=cast("frozenset[State]", chosen))
+    first: State = "consent" if "eligibility" in chosen else "eligibility"
+    return Session(participant=participant, trials=trials, state=first, skips=cast("frozenset[State]", chosen))
 
 
 def allowed(session: Session) -> tuple[EventName, ...]:
@@ -253,9 +275,8 @@ def restore(session: Session, now_s: float) -> tuple[Session, tuple[Effect, ...]
 
 def _after(session: Session, event: Event) -> Session:
     name = event.name
-    if name in ("withdraw", "abort", "consent_declined"):
-        end: State = "aborted" if name == "abort" else "withdrawn"
-        outcome: Outcome = "declined" if name == "consent_declined" else cast(Outcome, end)
+    if name in _ENDS:
+        end, outcome = _ENDS[name]
         return replace(session, state=end, resume_to=None, causes=frozenset(), outcome=outcome, reason=event.reason)
     if name == "experimenter_pause":
         return replace(_paused(session, "experimenter"), reason=event.reason)

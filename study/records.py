@@ -79,6 +79,11 @@ class ParticipantRow:
         levels=("study", "pilot", "demo"),
         default="study",
     )
+    screened_out: str | None = column(
+        "JSON: what the check of the device found wanting, by [eligibility] in the study file; blank = nothing",
+        json="array",
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from study.design import Study, next_order, orders
+from study.protocol import FREES_CELL, TERMINAL
+from study.recruiting import BEFORE_CONSENT
 
 Kind = Literal["study", "pilot", "demo"]
 Act = Literal["reject", "withdraw", "erase", "new_link"]
 Cell = Literal["waiting", "under_way", "done"]
 ACTS: tuple[Act, ...] = ("reject", "withdraw", "erase", "new_link")
-
-OVER = frozenset({"done", "withdrawn", "aborted"})
-FREE = frozenset({"withdrawn", "aborted"})
-"""States in which a cell is given out again."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +29,14 @@ class Enrolled:
     @property
     def holds_cell(self) -> bool:
         """Whether this participant counts in the counterbalancing."""
-        return self.kind == "study" and not self.rejected and self.state not in FREE
+        return self.kind == "study" and not self.rejected and self.state not in FREES_CELL
 
     @property
     def cell(self) -> Cell:
         """How far the cell is filled."""
         if self.state == "done":
             return "done"
-        return "waiting" if self.state == "consent" else "under_way"
+        return "waiting" if self.state in BEFORE_CONSENT else "under_way"
 
 
 @dataclass(frozen=True)
@@ -70,30 +68,34 @@ def why_not(act: Act, one: Enrolled) -> str:
             return f"A {one.kind} participant holds no cell that could be given out again."
         if one.rejected:
             return "Rejected already."
-        if one.state in FREE:
-            return f"Already {one.state}: the cell is free."
+        if one.state in FREES_CELL:
+            return f"Already {one.state.replace('_', ' ')}: the cell is free."
         if one.state != "done":
             return "The session is not over. Abort or withdraw it: that frees the cell too."
-    if act == "withdraw" and one.state in OVER:
+    if act == "withdraw" and one.state in TERMINAL:
         return "The session is over. To remove what was recorded, erase it."
-    if act == "new_link" and one.state in OVER:
+    if act == "new_link" and one.state in TERMINAL:
         return "The session is over."
     return ""
 
 
 def counts(everyone: Iterable[Enrolled]) -> Mapping[str, int]:
-    """Participants of the study by what became of them: waiting, under_way, done, rejected, withdrawn, aborted."""
-    found = dict.fromkeys(("waiting", "under_way", "done", "rejected", "withdrawn", "aborted"), 0)
+    """Participants of the study by what became of them: waiting, under_way, done, rejected, and the ends that give
+    a cell back."""
+    found = dict.fromkeys(("waiting", "under_way", "done", "rejected", *sorted(FREES_CELL)), 0)
     for one in everyone:
         if one.kind == "study":
-            found["rejected" if one.rejected else one.state if one.state in FREE else one.cell] += 1
+            found["rejected" if one.rejected else one.state if one.state in FREES_CELL else one.cell] += 1
     return found
 
 
-def matches(one: Enrolled, label: str | None, show: str, search: str) -> bool:
-    """Whether a line belongs in a filtered roster. `show` is all, a kind, or one of the counted groups."""
-    group = "rejected" if one.rejected else one.state if one.state in FREE else one.cell
+def matches(one: Enrolled, noted: str, show: str, search: str) -> bool:
+    """Whether a line belongs in a filtered roster; `noted` is what the experimenter knows of them besides the id.
+
+    `show` is all, a kind, or one of the counted groups.
+    """
+    group = "rejected" if one.rejected else one.state if one.state in FREES_CELL else one.cell
     if show not in ("all", one.kind, group):
         return False
     wanted = search.strip().lower()
-    return not wanted or wanted in one.participant.lower() or wanted in (label or "").lower()
+    return not wanted or wanted in one.participant.lower() or wanted in noted.lower()

@@ -199,7 +199,8 @@ def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: 
     if kind == "string_too_short":
         return Problem(path, "must not be empty")
     if kind == "string_pattern_mismatch":
-        return Problem(path, "must be lower-case letters, digits and '_'")
+        has_capitals = "A-Z" in context["pattern"]
+        return Problem(path, f"must be {'' if has_capitals else 'lower-case '}letters, digits and '_'")
     if kind == "finite_number" or kind.startswith(("greater_than", "less_than")):
         return Problem(path, _expected(model, path))
     if kind.endswith(("_type", "_parsing", "_from_float")):

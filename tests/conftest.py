@@ -157,6 +157,22 @@ def start_lab(tmp_path: Path) -> Iterator[Callable[..., LabServer]]:
 
 
 @pytest.fixture(scope="session")
+def open_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
+    """One lab for the whole session that recruits over an open link and checks devices, behind a proxy that takes the
+    path of its public address away. Its base_url and links lead through that proxy."""
+    from tests.reverse_proxy import PrefixProxy
+    from tests.wire_client import OPEN, SHORT, write_study
+
+    folder = tmp_path_factory.mktemp("open")
+    study = write_study(folder, {**SHORT, **OPEN})
+    with PrefixProxy("/study") as proxy:
+        arguments = ("--robot", "kinematic", "--study", str(study), "--public-url", proxy.url)
+        with labs.start(folder / "data", *arguments) as running:
+            proxy.port = running.port
+            yield running
+
+
+@pytest.fixture(scope="session")
 def quick_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
     """One lab for the whole session that needs no physics engine: the short study, in lockstep, without a scene.
 

@@ -105,6 +105,12 @@ class FakeLab:
     def page(self) -> Message:
         return {"type": "page", "state": self.state, "trial": self.trial, "trials": 3, "content": CONTENT[self.state]}
 
+    def acknowledge_all(self) -> None:
+        """What was left unacknowledged so far, now."""
+        for message in self.received:
+            if "id" in message:
+                self.send({"type": "ack", "id": message["id"]})
+
     def drop(self) -> None:
         """Cuts every connection without a word."""
         for role in list(self._clients):

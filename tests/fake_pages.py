@@ -6,10 +6,12 @@ from typing import Any
 
 from sim.views import VIEWS
 from study.instruments import INSTRUMENTS
+from study.protocol import TERMINAL
 
 Message = dict[str, Any]
 
 NEXT: dict[tuple[str, str], str] = {
+    ("eligibility", "eligibility"): "consent",
     ("consent", "consent"): "demographics",
     ("demographics", "demographics"): "setup",
     ("setup", "setup"): "instructions",
@@ -21,7 +23,7 @@ NEXT: dict[tuple[str, str], str] = {
     ("debrief", "debrief"): "done",
     ("paused", "resume"): "trial",
 }
-ENDS = {"withdraw": "withdrawn", "decline": "withdrawn"}
+ENDS = {"withdraw": "withdrawn", "decline": "withdrawn", "leave": "screened_out"}
 
 OBJECTS = {
     "spray_bottle": "spray bottle",
@@ -99,6 +101,13 @@ def _choices(**labels: str) -> list[Message]:
 
 
 CONTENT: dict[str, Message] = {
+    "eligibility": {
+        "title": "Moving objects with a robot arm",
+        "checks": ["round_trip", "gamepad", "sound"],
+        "gamepad": "required",
+        "browsers": [],
+        "tones": [3, 2],
+    },
     "consent": {
         "title": "Moving objects with a robot arm",
         "text": [
@@ -199,6 +208,7 @@ CONTENT: dict[str, Message] = {
     },
     "withdrawn": {"text": ["You have ended your participation. Thank you for your time."], "completion_link": None},
     "aborted": {"text": ["The experimenter has ended the session."], "completion_link": None},
+    "screened_out": {"text": ["This study cannot be done on this device."], "completion_link": None},
     "paused": {
         **_driving("pickup", "spray_bottle", 6, False),
         "causes": ["connection"],
@@ -210,7 +220,7 @@ CONTENT: dict[str, Message] = {
 
 def session_row(participant: str, state: str, **changes: Any) -> Message:
     """A row of `GET /api/sessions`."""
-    over = state in ("done", "withdrawn", "aborted")
+    over = state in TERMINAL
     allowed = [] if over else ["experimenter_resume" if state == "paused" else "experimenter_pause", "abort"]
     return {
         "participant": participant,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -42,6 +43,21 @@ class LabServer(AbstractContextManager["LabServer"]):
     def headers(self) -> dict[str, str]:
         """The experimenter's, for an HTTP client."""
         return {"Authorization": f"Bearer {self.experimenter_token}"}
+
+    @property
+    def port(self) -> int:
+        """The port the lab listens on, which is not in its links behind a proxy: from the kernel's table of sockets."""
+        inodes = set()
+        for descriptor in Path(f"/proc/{self.process.pid}/fd").iterdir():
+            with contextlib.suppress(OSError):
+                target = descriptor.readlink().name
+                if target.startswith("socket:["):
+                    inodes.add(target[8:-1])
+        for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+            columns = line.split()
+            if columns[3] == "0A" and columns[9] in inodes:
+                return int(columns[1].rpartition(":")[2], 16)
+        raise AssertionError("the lab listens on no port")
 
     def log(self) -> str:
         """Everything the server printed so far."""

@@ -52,6 +52,8 @@ def test_every_route_of_the_api_is_documented_with_a_sentence(client: httpx.Clie
         "/api/sessions/{participant}/mark",
         "/api/sessions/{participant}/message",
         "/api/sessions/{participant}/help_seen",
+        "/join",
+        "/join/offer",
         "/api/export",
         "/api/roster",
         "/api/qr",

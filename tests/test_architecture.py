@@ -32,7 +32,7 @@ LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
         app.__main__ app.study_commands app.server app.api app.roster_api app.results_api app.live_api app.sockets
-        app.scene_proxy
+        app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
@@ -41,7 +41,7 @@ MODULES = {
         app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
-        app.recent app.remarks app.insight
+        app.recent app.remarks app.insight app.round_trips app.recruiter
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
@@ -59,7 +59,7 @@ MODULES = {
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.overview
         study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
-        study.quality
+        study.quality study.eligibility study.recruiting
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

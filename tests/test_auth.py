@@ -40,7 +40,7 @@ EXPERIMENTERS_ROUTES = [
     ("POST", "/api/sessions/{participant}/message"),
     ("POST", "/api/sessions/{participant}/help_seen"),
 ]
-OPEN_ROUTES = {"/api/health", "/api/protocol", "/api/arbiter/evaluate"}
+OPEN_ROUTES = {"/api/health", "/api/protocol", "/api/arbiter/evaluate", "/join", "/join/offer"}
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_tokens_of_any_text_can_be_compared() -> None:
 
 
 def test_whoever_guesses_tokens_has_to_wait_and_nobody_else() -> None:
-    wrong = auth.WrongTokens(allowed=3, within_s=60.0, addresses=2)
+    wrong = auth.Attempts(allowed=3, within_s=60.0, addresses=2)
     assert [wrong.add("a", f"guess {n}", float(n)) for n in range(3)] == [0.0, 0.0, 0.0]
     assert wrong.add("a", "guess 3", 10.0) == 50.0
     assert wrong.add("a", "guess 2", 10.0) == 0.0  # a page left open with a stale token is not guessing
@@ -162,29 +162,9 @@ def test_behind_https_the_cookie_is_secure(start_lab: Callable[..., LabServer]) 
     assert lab.experimenter_link.startswith("https://lab.example/dashboard#token=")
     token = urlsplit(lab.demo_link).path
     # What it prints is the public address; where it listens is told by the process, here by its own log.
-    port = own_port(lab)
-    response = httpx.get(f"http://127.0.0.1:{port}{token}", trust_env=False)
+    response = httpx.get(f"http://127.0.0.1:{lab.port}{token}", trust_env=False)
     assert response.status_code == 303
     assert "Secure" in response.headers["set-cookie"]
-
-
-def own_port(lab: LabServer) -> int:
-    """The port the lab listens on, from the kernel's table of its sockets."""
-    from pathlib import Path
-
-    inodes = set()
-    for descriptor in Path(f"/proc/{lab.process.pid}/fd").iterdir():
-        try:
-            target = descriptor.readlink().name
-        except OSError:
-            continue
-        if target.startswith("socket:["):
-            inodes.add(target[8:-1])
-    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
-        columns = line.split()
-        if columns[3] == "0A" and columns[9] in inodes:
-            return int(columns[1].rpartition(":")[2], 16)
-    raise AssertionError("the lab listens on no port")
 
 
 def test_pages_say_the_same_to_a_stranger_whoever_exists(client: httpx.Client, someone: dict[str, Any]) -> None:

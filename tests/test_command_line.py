@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from app.__main__ import _listen, main
-from app.config import LabConfig
+from app.config import LabConfig, public_url
 from study.export import read_table
 from study.store import open_store
 from tests.lab_server import ROOT, LabDidNotStart, LabServer
@@ -51,6 +51,35 @@ def test_a_busy_port(tmp_path: Path, taken_port: int, capsys: pytest.CaptureFixt
 def test_an_address_that_is_not_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = fails(capsys, "serve", "--host", "192.0.2.1", "--port", "0", "--data", str(tmp_path / "data"), *QUICK)
     assert said.count("\n") == 1 and "192.0.2.1" in said
+
+
+@pytest.mark.parametrize(
+    ("host", "url", "says"),
+    [
+        ("0.0.0.0", None, "--host 0.0.0.0 listens on every address"),
+        ("::", None, "add --public-url"),
+        ("127.0.0.1", "lab.example", "must be an address such as https://lab.example"),
+        ("127.0.0.1", "ftp://lab.example", "must be an address"),
+        ("127.0.0.1", "https://me:secret@lab.example", "must be an address"),
+        ("127.0.0.1", "https://lab.example/?a=b", "without ? and #"),
+        ("127.0.0.1", "https://lab.example/my study", "in its path"),
+        ("127.0.0.1", "https://lab.example/../x", "in its path"),
+        ("127.0.0.1", "https://lab.example/api/v2", "one of the lab's own: api, "),
+    ],
+)
+def test_what_no_link_can_begin_with(
+    host: str, url: str | None, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--public-url", url] if url else []
+    said = fails(capsys, "serve", "--host", host, *given, "--port", "0", "--data", str(tmp_path / "data"), *QUICK)
+    assert said.count("\n") == 1 and says in said
+    assert not (tmp_path / "data").exists()
+
+
+def test_links_begin_with_the_public_address_and_its_path() -> None:
+    assert public_url("https://lab.example/a/b//", "0.0.0.0") == "https://lab.example/a/b"
+    assert public_url("http://[::1]:8000", "::1") == "http://[::1]:8000"
+    assert public_url(None, "127.0.0.1") is None
 
 
 @pytest.mark.parametrize("port", ["-1", "65536", "eighty", ""])

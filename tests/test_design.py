@@ -56,7 +56,7 @@ def test_the_shipped_study_is_the_papers(study: Study) -> None:
     assert not study.show_assistance
     assert len(study.instructions.questions) == 3
     assert study.surveys == ("sus_modified", "tlx_raw")
-    assert study.skips == frozenset()
+    assert study.skips == {"eligibility"}  # it asks nothing of a device
 
 
 def test_the_shipped_study_fits_the_simulated_world() -> None:
@@ -115,6 +115,19 @@ def test_a_study_goes_to_a_worker_unchanged(study: Study) -> None:
         ("answer_within_s = 20.0", "answer_within_s = 25", "distractor.answer_within_s = 25", "every_s, which is 20"),
         ("away_min_s = 5.0", "away_min_s = 21", "distractor.away_min_s = 21", "answer_within_s, which is 20"),
         ("decimals = 1", "decimals = 4", "distractor.decimals = 4", "below digits, which is 4"),
+        ('gamepad = "any" ', 'gamepad = "must" ', 'eligibility.gamepad = "must"', "allowed: any, preferred, required"),
+        ("max_round_trip_ms = 0 ", "max_round_trip_ms = -1 ", "eligibility.max_round_trip_ms = -1", "at least 0.0"),
+        ("browsers = []", 'browsers = ["ie"]', 'eligibility.browsers[1] = "ie"', "chrome, edge, firefox"),
+        ("open = false", "open = true", "recruitment.quota = 0", "at least 1 when open is true"),
+        ('person = "PROLIFIC_PID"', 'person = "PID"', 'recruitment.person = "PID"', "STUDY_ID"),
+        ('"STUDY_ID", "SESS', '"STUDY ID", "SESS', 'recruitment.id_parameters[2] = "STUDY ID"', "letters"),
+        ('full_link = ""', 'full_link = "www.x.org"', 'recruitment.full_link = "www.x.org"', "https://"),
+        (
+            'screened_out_link = ""',
+            'screened_out_link = "https://x.org/?p={PID}"',
+            'recruitment.screened_out_link = "https://x.org/?p={PID}"',
+            "{PID} is none of the id_parameters: PROLIFIC_PID, STUDY_ID, SESSION_ID",
+        ),
         ('title = "', 'hash = "0"\ntitle = "', 'hash = "0"', "unknown field"),
     ],
 )
@@ -172,7 +185,7 @@ def test_a_study_without_practice_demographics_and_surveys_skips_them() -> None:
         "practice = true", "practice = false"
     )
     start, end = text.index("[[demographics]]"), text.index("[instructions]")
-    assert parse(text[:start] + text[end:]).skips == {"demographics", "practice_ready", "survey"}
+    assert parse(text[:start] + text[end:]).skips == {"eligibility", "demographics", "practice_ready", "survey"}
 
 
 # ---- conditions

@@ -32,6 +32,7 @@ def context(study: Study = STUDY, shown: Instruction | None = None) -> PageConte
 
 
 LEADS_ON: dict[str, EventName] = {
+    "eligibility": "eligible",
     "consent": "consent_given",
     "demographics": "demographics_done",
     "setup": "setup_done",
@@ -61,6 +62,8 @@ def every_session() -> list[Session]:
                 other, _ = advance(other, name, 0.0)
             found.append(other)
         found += [advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]  # type: ignore[arg-type]
+        if session.state == "eligibility":
+            found.append(advance(session, Event("screened_out", '["webgl"]'), 0.0)[0])
         session, _ = advance(session, LEADS_ON[session.state], 0.0)
 
 
@@ -157,25 +160,32 @@ def test_a_link_to_the_second_device_is_offered_only_when_the_readings_are_there
         return page(Session("p01", 3, "setup"), context(study)).content
 
     assert content(placement="second_device")["panel_link"] == "http://127.0.0.1/d/token"
-    assert content(placement="same_page_away") == {"placement": "same_page_away", "panel_link": None}
+    assert content(placement="same_page_away")["panel_link"] is None
     assert content(enabled=False)["placement"] == "none"
 
 
 def test_thanks_end_every_participation() -> None:
-    for state, outcome in (("done", "done"), ("withdrawn", "withdrawn"), ("aborted", "aborted")):
+    for state, outcome in (
+        *(("done", "done"), ("withdrawn", "withdrawn"), ("aborted", "aborted")),
+        ("screened_out", "screened_out"),
+    ):
         session = Session("p01", 3, state, outcome=outcome)  # type: ignore[arg-type]
         assert "hank" in " ".join(page(session, context()).content["text"])
 
 
 def test_only_a_finished_session_leads_back_to_the_recruitment_service() -> None:
-    texts = STUDY.texts.model_copy(update={"completion_link": "http://127.0.0.1/back"})
-    study = STUDY.model_copy(update={"texts": texts})
-    links = {
-        state: page(Session("p01", 3, state, outcome=outcome), context(study)).content["completion_link"]  # type: ignore[arg-type]
-        for state, outcome in (("done", "done"), ("withdrawn", "declined"), ("aborted", "aborted"))
-    }
-    assert links == {"done": "http://127.0.0.1/back", "withdrawn": None, "aborted": None}
-    assert page(Session("p01", 3, "done", outcome="done"), context()).content["completion_link"] is None
+    links = {"completion_link": "http://127.0.0.1/back?of={ID}", "screened_out_link": "http://127.0.0.1/out"}
+    study = STUDY.model_copy(update={"recruitment": STUDY.recruitment.model_copy(update=links)})
+
+    def link(state: str, study: Study, **ids: str) -> str | None:
+        shown = replace(context(study), ids=ids)
+        return page(Session("p01", 3, state), shown).content["completion_link"]  # type: ignore[arg-type,no-any-return]
+
+    assert link("done", study, ID="7a") == "http://127.0.0.1/back?of=7a"
+    assert link("done", study) is None  # somebody with a personal link has no id to send back
+    assert link("screened_out", study) == "http://127.0.0.1/out"
+    assert [link(state, study, ID="7a") for state in ("withdrawn", "aborted")] == [None, None]
+    assert link("done", STUDY, ID="7a") is None
 
 
 def test_the_views_are_those_of_the_scene() -> None:

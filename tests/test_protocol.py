@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from study.protocol import (
     EVENTS,
+    FREES_CELL,
     NEEDS,
     RULES,
     SKIPPABLE,
@@ -47,19 +48,22 @@ TO_TRIAL: tuple[EventName, ...] = (
 )
 
 
+def begun() -> Session:
+    """Somebody in a study that asks nothing of their device."""
+    return new_session("P001", 3, ["eligibility"])
+
+
 def run(session: Session, *events: EventName | Event) -> tuple[Session, tuple[Effect, ...]]:
     return replay(session, [(event, float(second)) for second, event in enumerate(events)])
 
 
 def in_trial() -> Session:
-    return run(new_session("P001", 3), *TO_TRIAL)[0]
+    return run(begun(), *TO_TRIAL)[0]
 
 
 def test_a_participant_goes_from_consent_to_thanks() -> None:
     each: tuple[EventName, ...] = ("start", "practice_done", "start", "trial_done", "survey_done")
-    session, effects = run(
-        new_session("P001", 3), *TO_TRIAL[:4], *each, "continue", *each, "continue", *each, "debrief_done"
-    )
+    session, effects = run(begun(), *TO_TRIAL[:4], *each, "continue", *each, "continue", *each, "debrief_done")
     assert (session.state, session.outcome, session.trial) == ("done", "done", 3)
     expected: list[Effect] = []
     for trial in (1, 2, 3):
@@ -69,13 +73,15 @@ def test_a_participant_goes_from_consent_to_thanks() -> None:
 
 
 def test_states_are_visited_in_the_order_of_the_study() -> None:
-    session, visited = new_session("P001", 2), ["consent"]
-    order: dict[str, EventName] = {state: event for state, event in RULES if event != "consent_declined"}
+    session, visited = new_session("P001", 2), ["eligibility"]
+    order: dict[str, EventName] = {
+        state: event for state, event in RULES if event not in ("consent_declined", "screened_out")
+    }
     while not session.is_over:
         session, _ = advance(session, order[session.state], 0.0)
         visited.append(session.state)
     per_trial = ["practice_ready", "practice", "trial_ready", "trial", "survey"]
-    head = ["consent", "demographics", "setup", "instructions"]
+    head = ["eligibility", "consent", "demographics", "setup", "instructions"]
     assert visited == [*head, *per_trial, "break", *per_trial, "debrief", "done"]
 
 
@@ -92,21 +98,32 @@ def test_what_a_study_leaves_out_is_not_visited() -> None:
 
 def test_an_illegal_event_names_state_event_and_what_is_allowed() -> None:
     with pytest.raises(IllegalEvent) as caught:
-        advance(new_session("P001", 3), "start", 0.0)
+        advance(begun(), "start", 0.0)
     assert (caught.value.state, caught.value.event) == ("consent", "start")
     assert str(caught.value) == (
         "event 'start' is not allowed in state 'consent'; allowed: consent_given, consent_declined, "
         "connection_lost, experimenter_pause, withdraw, abort"
     )
-    done, _ = advance(new_session("P001", 3), "withdraw", 0.0)
+    done, _ = advance(begun(), "withdraw", 0.0)
     with pytest.raises(IllegalEvent, match="none, the session is over"):
         advance(done, "start", 0.0)
 
 
 def test_declining_consent_is_not_withdrawing() -> None:
-    session, effects = advance(new_session("P001", 3), "consent_declined", 1.0)
+    session, effects = advance(begun(), "consent_declined", 1.0)
     assert (session.state, session.outcome) == ("withdrawn", "declined")
     assert effects == (Finish("declined"),)
+
+
+def test_whose_device_does_not_fit_never_sees_the_consent() -> None:
+    first = new_session("P001", 3)
+    assert advance(first, "eligible", 1.0)[0].state == "consent"
+    out, effects = advance(first, Event("screened_out", '["webgl"]'), 1.0)
+    assert (out.state, out.outcome, out.reason) == ("screened_out", "screened_out", '["webgl"]')
+    assert effects == (Finish("screened_out"),)
+    assert out.state in FREES_CELL
+    with pytest.raises(IllegalEvent):
+        advance(begun(), "screened_out", 1.0)
 
 
 # ---- pausing
@@ -211,7 +228,7 @@ def test_a_restored_form_is_just_shown_again() -> None:
 )
 def test_a_damaged_stored_session_is_refused(old: str, new: str, says: str) -> None:
     with pytest.raises(StudyError, match=says):
-        from_json(to_json(new_session("P001", 3)).replace(old, new, 1))
+        from_json(to_json(begun()).replace(old, new, 1))
 
 
 def test_a_session_needs_a_trial_and_skips_only_what_can_be_skipped() -> None:
@@ -280,7 +297,7 @@ def test_allowed_is_exactly_what_advance_takes(state: str, event: EventName) -> 
 
 
 def test_every_state_can_be_reached_and_left() -> None:
-    reached = {"consent", *RULES.values(), "debrief", "paused", "withdrawn", "aborted"}
+    reached = {"eligibility", *RULES.values(), "debrief", "paused", "withdrawn", "aborted"}
     assert reached == set(STATES)
     assert {state for state, _ in RULES} | TERMINAL | {"paused"} == set(STATES)
     assert set(NEEDS) <= set(STATES)

@@ -24,6 +24,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         one(5, "done", rejected=True, order=3),
         one(6, "done", kind="pilot", order=3),
         one(7, "aborted", order=4),
+        one(9, "screened_out", order=5),
         Enrolled("P008", "study", "done", ("an", "older", "study"), False),
     ]
     rows = grid(shipped_study(), everyone)
@@ -44,6 +45,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         "rejected": 1,
         "withdrawn": 1,
         "aborted": 1,
+        "screened_out": 1,
     }
 
 
@@ -66,8 +68,8 @@ def test_every_act_is_possible_or_says_why_not(person: Enrolled, possible: set[s
 
 
 def test_the_roster_is_filtered_by_group_and_by_words() -> None:
-    assert matches(one(12), "Zoë", "all", " zo") and matches(one(12), None, "study", "p01")
-    assert not matches(one(12), None, "all", "p013")
-    assert matches(one(1, "done", rejected=True), None, "rejected", "")
-    assert not matches(one(1, "done", rejected=True), None, "done", "")
-    assert matches(one(1, kind="pilot"), None, "pilot", "") and not matches(one(1), None, "pilot", "")
+    assert matches(one(12), "Zoë", "all", " zo") and matches(one(12), "", "study", "p01")
+    assert not matches(one(12), "", "all", "p013")
+    assert matches(one(1, "done", rejected=True), "", "rejected", "")
+    assert not matches(one(1, "done", rejected=True), "", "done", "")
+    assert matches(one(1, kind="pilot"), "", "pilot", "") and not matches(one(1), "", "pilot", "")

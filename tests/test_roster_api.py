@@ -238,7 +238,7 @@ def test_the_roster_takes_the_same_number_of_queries_for_many(tmp_path: Path) ->
                     shipped_study(), seed=number, public_id=f"{number:x}", utc=UTC, identities=label
                 )
             sql.event.listen(store._database.engine, "before_cursor_execute", lambda *call: made.append(call[2]))
-            sessions, labels, erased = enrolment(store)
+            sessions, labels, _, erased = enrolment(store)
             assert (len(sessions), len(labels), erased) == (people, people, ())
         return len(made)
 

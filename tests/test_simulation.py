@@ -29,6 +29,7 @@ def setup(placement: str = "second_device") -> StudySetup:
     changes: Changes = {
         "": {"pickups_per_trial": 2},
         "distractor": {"placement": placement},
+        "eligibility": {"webgl": True},
         "arbiter": {"transition": "replan", "planning_delay": 0.8, "step_m": 0.03},
     }
     return study_setup(changed_study(open_study(None), changes))
@@ -58,7 +59,7 @@ def test_states_follow_one_another_as_in_the_lab() -> None:
     states = [json.loads(row.data)["to"] for row in whole()["events"] if row.kind == "state"]
     trial = ["practice", "trial_ready", "trial", "survey"]
     assert states == [
-        *("demographics", "setup", "instructions", "practice_ready"),
+        *("consent", "demographics", "setup", "instructions", "practice_ready"),
         *trial,
         *("break", "practice_ready"),
         *trial,

@@ -15,7 +15,7 @@ from tests.study_samples import shipped_study
 
 STUDY = shipped_study()
 UTC = "2026-01-01T00:00:00.000Z"
-CONTEXT = StepContext(STUDY, replace(new_session("p07", 3), trial=2), "balanced", UTC)
+CONTEXT = StepContext(STUDY, replace(new_session("p07", 3), trial=2), "balanced", UTC, lacking=("webgl",))
 
 DEMOGRAPHICS = {item.id: item.options[0].id for item in STUDY.demographics if item.required}
 COMPREHENSION = {question.id: question.correct for question in STUDY.instructions.questions}
@@ -43,6 +43,7 @@ def fields(refused: Refused) -> list[str | None]:
 @pytest.mark.parametrize(
     ("step", "data", "event"),
     [
+        ("eligibility", {}, "eligible"),
         ("consent", {"accepted": True, "hash": STUDY.consent.hash}, "consent_given"),
         ("decline", {}, "consent_declined"),
         ("demographics", {"answers": DEMOGRAPHICS}, "demographics_done"),
@@ -62,9 +63,21 @@ def test_a_step_filled_in_well_leads_on(step: str, data: dict[str, Any], event: 
     assert take(step, data).event == Event(event)  # type: ignore[arg-type]
 
 
-def test_every_step_but_help_is_tried_above() -> None:
+def test_every_step_but_help_and_leave_is_tried_above() -> None:
     assert set(STEPS) == {
-        *("consent", "decline", "demographics", "setup", "instructions", "start", "survey", "continue", "resume"),
+        *(
+            "eligibility",
+            "leave",
+            "consent",
+            "decline",
+            "demographics",
+            "setup",
+            "instructions",
+            "start",
+            "survey",
+            "continue",
+            "resume",
+        ),
         *("debrief", "withdraw", "help"),
     }
 
@@ -125,6 +138,10 @@ UNASKED = {"extra": 1}
         ("demographics", {"answers": ["x"]}, "data.answers"),
         ("demographics", {"answers": {**DEMOGRAPHICS, "age_group": "900"}}, "answers.age_group"),
         ("demographics", {"answers": {**DEMOGRAPHICS, "shoe_size": "44"}}, "answers.shoe_size"),
+        ("eligibility", {"width_px": -1}, "data.width_px"),
+        ("eligibility", {"user_agent": "x" * 501}, "data.user_agent"),
+        ("eligibility", UNASKED, "data.extra"),
+        ("leave", UNASKED, "data.extra"),
         ("setup", {**SETUP, "device": "telepathy"}, "data.device"),
         ("setup", {**SETUP, "dead_zone": 1.0}, "data.dead_zone"),
         ("setup", {**SETUP, "dead_zone": float("nan")}, "data.dead_zone"),

@@ -25,6 +25,8 @@ from app.messages import (
     Message,
     Note,
     Page,
+    Ping,
+    Pong,
     Status,
     Submit,
     Tick,
@@ -46,6 +48,17 @@ SHORT = {
     "pickups_per_trial = 3 ": "pickups_per_trial = 1 ",
 }
 """What makes the shipped study short: two tasks a trial, no practice."""
+OPEN = {
+    "open = false ": "open = true ",
+    "quota = 0 ": "quota = 30 ",
+    'completion_link = "" ': 'completion_link = "http://127.0.0.1:9/done?of={PROLIFIC_PID}" ',
+    'screened_out_link = "" ': 'screened_out_link = "http://127.0.0.1:9/out?of={PROLIFIC_PID}" ',
+    'full_link = "" ': 'full_link = "http://127.0.0.1:9/full?of={PROLIFIC_PID}" ',
+    "webgl = false ": "webgl = true ",
+    "max_round_trip_ms = 0 ": "max_round_trip_ms = 2000 ",
+    "min_window_width_px = 0 ": "min_window_width_px = 1000 ",
+}
+"""What opens the shipped study to people with an id, and lets in only those whose device fits."""
 
 
 def write_study(folder: Path, changes: Mapping[str, str] | None = None) -> Path:
@@ -227,6 +240,8 @@ class Player:
             page = await self.until(Page)
             if page.state == state:
                 return page
+            if "round_trip" in page.content.get("checks", ()):
+                await self.measured()
             if page.state == "instructions":
                 await self._submit("instructions", {"answers": COMPREHENSION}, None)
             elif page.state.endswith("_ready"):
@@ -236,6 +251,14 @@ class Player:
                 form = form_answers(page)
                 assert form is not None, f"nothing leads on from {page.state!r}"
                 await self._submit(*form, None)
+
+    async def measured(self) -> None:
+        """Answer the pings of a measurement to the last."""
+        left: int | None = None
+        while left != 0:
+            ping = await self.until(Ping, lambda ping: ping.left is not None)
+            left = ping.left
+            await self.send(Pong(n=ping.n))
 
     async def reach_trial(self) -> None:
         """Into the first trial of the short study, its ticks running."""

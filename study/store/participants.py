@@ -8,8 +8,9 @@ import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.design import Study, next_order
-from study.protocol import from_json, new_session, to_json
+from study.protocol import FREES_CELL, from_json, new_session, to_json
 from study.records import SCHEMA_VERSION, ParticipantRow
+from study.recruiting import IDENTITY_PREFIX, ids_among
 from study.store.rows import add, clean_text, insert
 from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
 from study.store.values import Kind, StoredSession
@@ -17,8 +18,6 @@ from study.store.values import Kind, StoredSession
 ID_LETTER: Mapping[Kind, str] = {"study": "P", "pilot": "T", "demo": "D"}
 """What ids begin with: P for participants, T for trial runs, D for demos."""
 ORDER_SEPARATOR = ">"
-_FREE_STATES = ("withdrawn", "aborted")
-"""States whose participants give their counterbalancing cell back."""
 
 
 def enrol(
@@ -40,10 +39,10 @@ def enrol(
     condition_order = ORDER_SEPARATOR.join(chosen)
     inserted = connection.execute(
         SESSIONS.insert().values(
-            participant=public_id,  # replaced below: the name is made of the number
+            participant=public_id,  # replaced below with session and state: the name is made of the number
             public_id=public_id,
             session="",
-            state="consent",
+            state="",
             condition_order=condition_order,
             kind=kind,
             pace=pace,
@@ -57,13 +56,15 @@ def enrol(
     participant = f"{ID_LETTER[kind]}{number:03d}"
     session = new_session(participant, len(chosen), study.skips)
     connection.execute(
-        SESSIONS.update().where(SESSIONS.c.number == number).values(participant=participant, session=to_json(session))
+        SESSIONS.update()
+        .where(SESSIONS.c.number == number)
+        .values(participant=participant, session=to_json(session), state=session.state)
     )
     row = ParticipantRow(
         participant=participant,
         seed=seed,
         condition_order=condition_order,
-        state="consent",
+        state=session.state,
         study_hash=study.hash,
         created_utc=utc,
         consent_utc=None,
@@ -80,10 +81,15 @@ def _taken(connection: sql.Connection) -> dict[tuple[str, ...], int]:
     """How many hold a cell of each order."""
     query = (
         sql.select(SESSIONS.c.condition_order, sql.func.count())
-        .where(SESSIONS.c.kind == "study", SESSIONS.c.rejected == 0, SESSIONS.c.state.not_in(_FREE_STATES))
+        .where(SESSIONS.c.kind == "study", SESSIONS.c.rejected == 0, SESSIONS.c.state.not_in(FREES_CELL))
         .group_by(SESSIONS.c.condition_order)
     )
     return {tuple(order.split(ORDER_SEPARATOR)): count for order, count in connection.execute(query)}
+
+
+def cells_held(connection: sql.Connection) -> int:
+    """How many hold a cell of any order."""
+    return sum(_taken(connection).values())
 
 
 def free_cell(connection: sql.Connection, participant: str) -> bool:
@@ -139,6 +145,22 @@ def identities_of(connection: sql.Connection, participant: str) -> tuple[tuple[s
     """(kind, value) of everything identifying, in order of arrival."""
     query = sql.select(IDENTITIES.c.kind, IDENTITIES.c.value).where(IDENTITIES.c.participant == participant)
     return tuple((row.kind, row.value) for row in connection.execute(query.order_by(IDENTITIES.c.id)))
+
+
+def participant_of_identity(connection: sql.Connection, kind: str, value: str) -> str | None:
+    """Who was the first of whom this identifying thing was noted; None = nobody."""
+    query = sql.select(IDENTITIES.c.participant).where(IDENTITIES.c.kind == kind, IDENTITIES.c.value == value)
+    found: str | None = connection.execute(query.order_by(IDENTITIES.c.id)).scalar()
+    return found
+
+
+def link_ids(connection: sql.Connection) -> dict[str, dict[str, str]]:
+    """Participant to the ids of the open link they came over, by parameter, for those who did."""
+    query = sql.select(IDENTITIES.c.participant, IDENTITIES.c.kind, IDENTITIES.c.value).order_by(IDENTITIES.c.id)
+    found: dict[str, dict[str, str]] = {}
+    for row in connection.execute(query.where(IDENTITIES.c.kind.startswith(IDENTITY_PREFIX, autoescape=True))):
+        found.setdefault(row.participant, {}).update(ids_among([(row.kind, row.value)]))
+    return found
 
 
 def labels(connection: sql.Connection) -> dict[str, str]:

@@ -27,6 +27,8 @@ def save_session(
     if saved.rowcount != 1:
         raise StoreError(f"no participant {session.participant!r}")
     values: dict[str, Any] = {"state": session.state}
+    if session.state == "screened_out":
+        values["screened_out"] = session.reason
     if consent is not None:
         values["consent_utc"], values["consent_hash"] = consent
     if finished_utc is not None:

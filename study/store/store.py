@@ -120,6 +120,21 @@ class Store:
         with self._database.read() as connection:
             return participants.identities_of(connection, participant)
 
+    def participant_of_identity(self, kind: str, value: str) -> str | None:
+        """Who was the first of whom this identifying thing was noted; None = nobody."""
+        with self._database.read() as connection:
+            return participants.participant_of_identity(connection, kind, value)
+
+    def link_ids(self) -> dict[str, dict[str, str]]:
+        """Participant to the ids of the open link they came over, by parameter, for those who did."""
+        with self._database.read() as connection:
+            return participants.link_ids(connection)
+
+    def cells_held(self) -> int:
+        """How many participants hold a cell of the counterbalancing."""
+        with self._database.read() as connection:
+            return participants.cells_held(connection)
+
     def labels(self) -> dict[str, str]:
         """Participant to the label the experimenter gave them, for those who have one."""
         with self._database.read() as connection:

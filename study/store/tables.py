@@ -13,7 +13,7 @@ import sqlalchemy as sql
 
 from study.records import KEYS, TABLES, columns
 
-STORE_VERSION = 2
+STORE_VERSION = 3
 """Version of the lab's own tables; the recorded ones follow `records.SCHEMA_VERSION`."""
 
 METADATA = sql.MetaData()

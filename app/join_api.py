@@ -1,0 +1,117 @@
+"""The open link: `/join` shows a page, and only the press of its button enrols. Decides nothing itself."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, FastAPI, HTTPException, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api import TheLab
+from app.auth import Attempts, new_token
+from app.entrance import COOKIES, place_of, prefix, set_cookie
+from app.lab import Lab
+from app.recruiter import Offer, Recruiter, cookie_name
+from app.sockets import same_origin
+from study.recruiting import filled
+
+JOINS_A_MINUTE = 60
+"""From one address: a whole class behind one router can begin together, a script that makes up ids cannot go on."""
+PATH = "/join"
+State = Literal["begin", "back", "bad_link", "closed", "full", "elsewhere"]
+
+router = APIRouter(tags=["open"])
+
+
+class JoinRequest(BaseModel):
+    """The parameters of the open link; those the study does not name are left alone."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    parameters: Annotated[dict[str, Annotated[str, Field(max_length=1000)]], Field(max_length=50)]
+
+
+class JoinReply(BaseModel):
+    """What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in."""
+
+    state: State
+    title: str
+    lines: list[str]
+    link: str | None = None
+    """Where the study file sends who comes too late."""
+    page: str | None = None
+
+
+def reply_to(lab: Lab, offer: Offer) -> JoinReply:
+    """An offer in the study's words."""
+    study = lab.setup.study
+    rules = study.recruitment
+    words: Mapping[str, tuple[str, ...]] = {
+        "enrol": rules.welcome,
+        "back": rules.welcome,
+        "full": rules.full,
+        "bad_link": offer.wrong,
+    }
+    return JoinReply(
+        state="begin" if offer.answer == "enrol" else offer.answer,
+        title=study.title,
+        lines=list(words.get(offer.answer, ())),
+        link=filled(rules.full_link, offer.ids) if offer.answer == "full" else None,
+        page=f"{prefix(lab)}{place_of(offer.public_id, 'participant')}/" if offer.public_id else None,
+    )
+
+
+async def look(request: Request, lab: Lab) -> Offer:
+    """What the link of this request offers its browser."""
+    given = {name: request.query_params.getlist(name) for name in request.query_params}
+    recruiter: Recruiter = request.app.state.recruiter
+    person = recruiter.person(given)
+    token = request.cookies.get(cookie_name(person), "") if person else ""
+    return await recruiter.look(given, token)
+
+
+STATUS: Mapping[str, int] = {"bad_link": 400, "closed": 404, "full": 409, "elsewhere": 409}
+
+
+@router.get("/join/offer")
+async def offer(request: Request, response: Response, lab: TheLab) -> JoinReply:
+    """What the open link with these parameters offers: begin, go on, or why not. Changes nothing."""
+    reply = reply_to(lab, await look(request, lab))
+    response.headers["Cache-Control"] = "no-store"
+    response.status_code = STATUS.get(reply.state, 200)
+    return reply
+
+
+@router.post("/join", responses={status: {"model": JoinReply} for status in sorted(set(STATUS.values()))})
+async def join(body: JoinRequest, request: Request, response: Response, lab: TheLab) -> JoinReply:
+    """Enrol the person the parameters name, or let them back in: sets the cookie that opens `page`."""
+    if not same_origin(request, lab.config.public_url):
+        raise HTTPException(403, "only the lab's own page joins; open the link itself")
+    attempts: Attempts = request.app.state.joins
+    address = request.client.host if request.client else ""
+    wait_s = math.ceil(attempts.add(address, new_token(), time.monotonic()))  # each counts, whatever it says
+    if wait_s > 0:
+        text = f"too many people begin from this address at once; please try again in {wait_s} s"
+        raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
+    recruiter: Recruiter = request.app.state.recruiter
+    given = {name: (value,) for name, value in body.parameters.items()}
+    person = recruiter.person(given)
+    token = request.cookies.get(cookie_name(person), "") if person else ""
+    found = await recruiter.join(given, token)
+    reply = reply_to(lab, found)
+    response.status_code = STATUS.get(reply.state, 200)
+    if person and found.token:
+        place = place_of(found.public_id, "participant")
+        set_cookie(response, request, lab, COOKIES["participant"], found.token, place)
+        set_cookie(response, request, lab, cookie_name(person), found.token, PATH)
+    return reply
+
+
+def add_join(app: FastAPI, lab: Lab) -> None:
+    """Put the routes of this file into an app whose `state.lab` is the lab."""
+    app.state.recruiter = Recruiter(lab)
+    app.state.joins = Attempts(allowed=JOINS_A_MINUTE)
+    app.include_router(router)

@@ -1,0 +1,90 @@
+"""An open link: the ids in it, who is let in over it, and the links it leads on to.
+
+An id is what a recruitment service or a mail gave somebody. It is no proof of who they are: whoever knows an id can
+begin under it. So once somebody has agreed to take part, their id alone opens nothing; the browser they did it in does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+from study.parts import Recruitment
+from study.protocol import State
+
+MAX_ID_CHARACTERS = 100
+_ID = re.compile(rf"[A-Za-z0-9._~@-]{{1,{MAX_ID_CHARACTERS}}}\Z")
+"""What needs no escaping in an address. The placeholders of a service that filled in nothing are no ids."""
+_PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
+BEFORE_CONSENT: frozenset[State] = frozenset({"eligibility", "consent"})
+"""States in which nothing is known of somebody that could be told to another who has their id."""
+
+IDENTITY_PREFIX = "id."
+"""What the kinds of these ids begin with in the store, beside the parameter's name."""
+
+Answer = Literal["enrol", "back", "elsewhere", "full", "closed"]
+
+
+def placeholders(link: str) -> tuple[str, ...]:
+    """The names that stand in braces in a link."""
+    return tuple(_PLACEHOLDER.findall(link))
+
+
+def filled(link: str, ids: Mapping[str, str]) -> str | None:
+    """The link with its placeholders replaced; None when there is no link, or an id it needs is not known."""
+    if not link or any(name not in ids for name in placeholders(link)):
+        return None
+    return _PLACEHOLDER.sub(lambda found: ids[found.group(1)], link)
+
+
+def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The ids in a link's parameters, and a sentence for each thing that is wrong with them.
+
+    Parameters the study does not know are left alone; of those it knows, only the person's must be there.
+    """
+    ids, wrong = {}, []
+    for name in rules.id_parameters:
+        values = [value for value in given.get(name, ()) if value]
+        if len(values) > 1:
+            wrong.append(f"{name} stands {len(values)} times in the link.")
+        elif values and not _ID.match(values[0]):
+            wrong.append(
+                f"{name} is not filled in as it should be: at most {MAX_ID_CHARACTERS} letters, digits, and . _ ~ @ -"
+            )
+        elif values:
+            ids[name] = values[0]
+        elif name == rules.person:
+            wrong.append(f"{name} is missing in the link.")
+    return ids, tuple(wrong)
+
+
+def ids_among(identities: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Of everything identifying that is stored about somebody, (kind, value), the ids of their link by parameter."""
+    return {kind.removeprefix(IDENTITY_PREFIX): value for kind, value in identities if kind.startswith(IDENTITY_PREFIX)}
+
+
+_SERVICES: Mapping[str, str] = {
+    **{name: f"{{{{%{name}%}}}}" for name in ("PROLIFIC_PID", "STUDY_ID", "SESSION_ID")},
+    "survey_code": "%SURVEY_CODE%",
+}
+"""What recruitment services want to stand for an id that they fill in: Prolific, SONA."""
+
+
+def open_link(base_url: str, rules: Recruitment) -> str:
+    """The link to give out, with a place for every id."""
+    query = "&".join(f"{name}={_SERVICES.get(name, 'ID')}" for name in rules.id_parameters)
+    return f"{base_url}/join?{query}"
+
+
+def answer(rules: Recruitment, held: int, state: State | None, is_known: bool) -> Answer:
+    """What somebody with an id is told.
+
+    `held` counts the participants who hold a cell, `state` is that of the session begun under this id (None = none
+    was), `is_known` says whether this browser is the one that began it.
+    """
+    if state is not None:
+        return "back" if is_known or state in BEFORE_CONSENT else "elsewhere"
+    if not rules.open:
+        return "closed"
+    return "full" if held >= rules.quota else "enrol"
