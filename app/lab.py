@@ -21,6 +21,7 @@ from app.remarks import Remark
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
+from app.words import with_words
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
 from sim.layouts import LAYOUTS
@@ -410,7 +411,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         sound=setups[-1].get("sound") if setups else None,
-        events=events[-KEPT_EVENTS:],
+        events=with_words(events, store.identities(participant))[-KEPT_EVENTS:],
     )
 
 
