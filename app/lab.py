@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
-from app.course import OVERRUN_MS
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
@@ -29,7 +28,7 @@ from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
-from study.records import EventRow, StudyError
+from study.records import OVERRUN_MS, EventRow, StudyError
 from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
