@@ -31,10 +31,13 @@ from study.export import export_zip
 from study.protocol import Event, IllegalEvent, allowed
 from study.store import Kind, StoredSession
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = Annotated[tuple[Number, Number, Number], Field(description="x, y, z in the world frame")]
 Axis = Literal[-1, 0, 1]
 MAX_GOALS = 100
+MAX_WEIGHT = 1e100
+"""Scores stay finite, and far beyond it any two of them would be equal."""
+Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False, strict=True)]
 MAX_INVITATIONS = 200
 
 
@@ -117,13 +120,13 @@ class EvaluateRequest(_Body):
     belief: Annotated[list[Number], Field(min_length=1, max_length=MAX_GOALS)] | None = None
     user_action: tuple[Axis, Axis, Axis] | None = None
     condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
-    alpha: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    beta: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    gamma: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] | None = None
-    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = None
+    alpha: Weight | None = None
+    beta: Weight | None = None
+    gamma: Weight | None = None
+    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False, strict=True)] | None = None
+    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)] | None = None
     transition: Literal["mix", "replan"] | None = None
-    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | None = None
+    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False, strict=True)] | None = None
 
 
 class EvaluateReply(BaseModel):

@@ -17,9 +17,7 @@ from study import protocol
 from study.design import reading
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.quality import judged
-from study.records import EventRow, TrialRow
-
-OVERRUN_MS = 50.0
+from study.records import OVERRUN_MS, EventRow, TrialRow
 
 
 class Course:

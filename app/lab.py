@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
-from app.course import OVERRUN_MS
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
@@ -21,6 +20,7 @@ from app.remarks import Remark
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
+from app.words import with_words
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
 from sim.layouts import LAYOUTS
@@ -28,7 +28,7 @@ from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
-from study.records import EventRow, StudyError
+from study.records import OVERRUN_MS, EventRow, StudyError
 from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
@@ -410,7 +410,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         sound=setups[-1].get("sound") if setups else None,
-        events=events[-KEPT_EVENTS:],
+        events=with_words(events, store.identities(participant))[-KEPT_EVENTS:],
     )
 
 

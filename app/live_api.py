@@ -29,8 +29,9 @@ from app.recent import KEPT_EVENTS
 from app.remarks import KINDS, NotNow, Remark, RemarkKind, why_not
 from app.session import LiveSession
 from app.sockets import HELLO_WITHIN_S, Places, same_origin
+from app.words import with_words
 from study.records import EventRow
-from study.store import StoredSession
+from study.store import Store, StoredSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
@@ -210,7 +211,7 @@ class Stream:
         if live is None:
             if self._fresh:
                 self._fresh = False
-                events = await asyncio.to_thread(self._lab.store.store.rows_of, "events", participant)
+                events = await asyncio.to_thread(_told, self._lab.store.store, participant)
                 await self._send_news(participant, True, [], events[-KEPT_EVENTS:])
             return
         if live is not self._watched_live:
@@ -245,6 +246,11 @@ class Stream:
 
     async def _send(self, message: Mapping[str, Any]) -> None:
         await self._websocket.send_text(json.dumps(message))
+
+
+def _told(store: Store, participant: str) -> tuple[EventRow, ...]:
+    """All that happened to a participant, with the words that are kept apart."""
+    return with_words(store.rows_of("events", participant), store.identities(participant))
 
 
 def _event(row: EventRow) -> dict[str, Any]:

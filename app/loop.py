@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-OVERRUN_S = 0.05
+from study.records import OVERRUN_MS
+
+OVERRUN_S = OVERRUN_MS / 1000.0
 """A tick that starts this much late is counted as an overrun."""
 
 

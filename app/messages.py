@@ -23,7 +23,7 @@ Axis = Literal[-1, 0, 1]
 Direction = tuple[Axis, Axis, Axis]
 Gripper = Literal["open", "close"]
 Identifier = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._:-]+$")]
-Sequence = Annotated[int, Field(ge=0, le=2**53)]
+Sequence = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 
 
 class Message(BaseModel):
@@ -51,7 +51,7 @@ class Input(Message):
 
     type: Literal["input"] = "input"
     seq: Sequence
-    client_ms: float
+    client_ms: Annotated[float, Field(strict=True)]
     direction: Direction | None
     gripper: Gripper | None = None
     """A press of a gripper button since the last message; the next tick acts on it once."""

@@ -136,6 +136,16 @@ def study_setup(study: Study) -> StudySetup:
     return replace(setup, calibration=_calibrate(setup, model))
 
 
+def calibration_text(calibration: Calibration) -> str:
+    """The weight and how well it does what the paper wants of it (IV-A), in one line."""
+    vague, sure = calibration.share_information_above_0_7, calibration.share_goals_below_0_3
+    return (
+        f"alpha is calibrated to {calibration.alpha:.4g}. Of sampled states, information weighs more than "
+        f"goals in {vague:.0%} with a vague belief (entropy above 0.7), goals weigh more in {sure:.0%} with a sure one "
+        f"(below 0.3)"
+    )
+
+
 def _calibrate(setup: StudySetup, model: TransitionModel) -> Calibration:
     """Over the goals a participant can meet: all objects of the layout, fewer of them, and the bins."""
     study, layout = setup.study, setup.layout

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, Request, WebSocket
+from fastapi.exception_handlers import http_exception_handler
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
+from starlette.exceptions import HTTPException
 
 from app import sockets
 from app.api import add_api
@@ -79,6 +81,14 @@ def _add_errors(app: FastAPI) -> None:
         problems = [{"field": _field(item["loc"]), "message": item["msg"]} for item in error.errors()]
         detail = "; ".join(f"{problem['field']}: {problem['message']}" for problem in problems[:20])
         return JSONResponse({"detail": detail, "problems": problems[:20]}, 422)
+
+    @app.exception_handler(HTTPException)
+    async def unreadable(request: Request, error: HTTPException) -> Response:
+        """JSON that Python gives up on (a number of thousands of digits, endless nesting) is wrong like any other."""
+        if error.status_code != 400:
+            return await http_exception_handler(request, error)
+        problem = {"field": "body", "message": "cannot be read as JSON"}
+        return JSONResponse({"detail": "body: cannot be read as JSON", "problems": [problem]}, 422)
 
     @app.exception_handler(LabError)
     async def lab_error(_: Request, error: LabError) -> JSONResponse:

@@ -33,6 +33,7 @@ from app.submissions import Submissions
 from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
 from app.trial import TrialView
 from app.trial_values import TrialSetup
+from app.words import KEPT_AS
 from app.worker_link import WorkerLink
 from app.worker_messages import Hands, WorkerReport
 from study.protocol import Event, Session
@@ -349,7 +350,10 @@ class LiveSession:
         stage, view = self._stage, self.view
         refuse_unless(remark.kind, stage.session, self.connected, stage.vitals.help_wanted)
         task = {"task": view.done_tasks + 1, "kind": view.kind} if view and remark.kind == "task_marked" else {}
-        await stage.commit(events=(stage.event(remark.kind, "experimenter", {"by": by, "text": remark.text, **task}),))
+        apart = ((remark.kind, remark.text),) if remark.kind in KEPT_AS else ()
+        said = {"has_words": True} if apart else {"text": remark.text}
+        event = stage.event(remark.kind, "experimenter", {"by": by, **said, **task})
+        await stage.commit(events=(event,), private=apart)
         if remark.kind == "message":
             self._audience.show_notice(remark.text)
         elif remark.kind == "help_seen":

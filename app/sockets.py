@@ -101,10 +101,12 @@ async def serve(websocket: WebSocket, session: LiveSession, role: Role) -> None:
     """Speak the protocol on an accepted socket until either side leaves."""
     try:
         hello = await asyncio.wait_for(_hello(websocket), HELLO_WITHIN_S)
-    except (asyncio.TimeoutError, WebSocketDisconnect):
-        with contextlib.suppress(RuntimeError):
+    except asyncio.TimeoutError:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             await websocket.close(1008, "no hello")
         return
+    except (WebSocketDisconnect, RuntimeError):
+        return  # gone before it said anything, or while it was told what was wrong
     client = SocketClient(websocket, role, hello)
     session.attach(client)
     sending = asyncio.create_task(client.send_all())
@@ -222,5 +224,7 @@ def _is_unicode(text: str) -> bool:
 def _refusal(error: ValidationError, identifier: str | None) -> Error:
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     place = [str(part) for part in first["loc"]]
+    if place[:2] == ["note", "data"]:
+        del place[3:]  # it names the type that was tried, of the several that a value may have
     field = ".".join(place[1:] if len(place) > 1 else place) or "type"
     return Error(code="invalid", field=field[:MAX_FIELD_CHARACTERS], message=str(first["msg"])[:500], id=identifier)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from app.recent import Recent
 from app.round_trips import RoundTrips
 from app.surroundings import Enrolment, Surroundings, Vitals, utc_text
 from app.trial import CycleStart
+from app.words import with_words
 from app.worker_link import WorkerLink
 from study.distractor import DistractorState
 from study.eligibility import PINGS, Check, checks_of
@@ -59,12 +60,13 @@ class Stage:
         cycle: CycleStart | None = None,
         submission: str | None = None,
         response: Mapping[str, Any] | None = None,
-        private: Iterable[tuple[str, str]] = (),
+        private: Sequence[tuple[str, str]] = (),
         **rows: Any,
     ) -> None:
         """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
 
         `submission` is the message that caused it, `response` what a resend of the same message is answered with.
+        `private` are words that may identify somebody, kept apart from the events (see `app.words`).
         """
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.phase.distractor
         condition = self.enrolment.plan.trial(trial).condition
@@ -77,7 +79,8 @@ class Stage:
         await self.around.store.run(
             lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
         )
-        self.recent.add_events(event for event in rows.get("events", ()) if event.kind != "round_trip")
+        events = with_words(rows.get("events", ()), private)
+        self.recent.add_events(event for event in events if event.kind != "round_trip")
 
     def event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:
         """A row about this moment."""

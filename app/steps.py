@@ -262,12 +262,12 @@ def _debrief(context: StepContext, data: Mapping[str, Any]) -> Outcome:
 
 def _withdraw(context: StepContext, data: Mapping[str, Any]) -> Outcome:
     reason = parse(ReasonData, data).reason
-    return Outcome(Event("withdraw"), log={"has_reason": bool(reason)}, private=_words("withdraw_reason", reason))
+    return Outcome(Event("withdraw"), log={"has_words": bool(reason)}, private=_words("withdraw_reason", reason))
 
 
 def _help(context: StepContext, data: Mapping[str, Any]) -> Outcome:
     text = parse(HelpData, data).text
-    return Outcome(log={"has_text": bool(text)}, private=_words("help", text))
+    return Outcome(log={"has_words": bool(text)}, private=_words("help", text))
 
 
 def _words(kind: str, text: str | None) -> tuple[tuple[str, str], ...]:

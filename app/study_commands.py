@@ -61,6 +61,7 @@ def _new(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from app.planning import calibration_text, study_setup
     from app.variants import open_study
     from study.design import StudyFileError
     from study.overview import overview
@@ -74,4 +75,7 @@ def _check(options: argparse.Namespace) -> int:
         print(f"{options.file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
         return 1
     print(f"{options.file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    calibration = study_setup(study).calibration
+    if calibration is not None:
+        print(calibration_text(calibration))
     return 0

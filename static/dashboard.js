@@ -62,15 +62,15 @@ const roster = new Roster({ api, toasts, onActed: () => poll() });
 const rows = new Rows({
   onPause: (participant) => act(participant, "pause", {
     title: `Pause ${participant}?`, text: ["The robot stops at once. The participant sees that the session is paused."],
-    field: { label: "Reason (optional, kept in the log)", required: false }, confirm: "Pause session",
+    field: { label: "Reason (optional, kept and exported: write no names)", required: false }, confirm: "Pause session",
   }),
   onResume: (participant) => act(participant, "resume", {
     title: `Resume ${participant}?`, text: ["The session goes on where it was paused, once no other cause keeps it paused."],
-    field: { label: "Remark (optional)", required: false }, confirm: "Resume session",
+    field: { label: "Remark (optional, kept and exported: write no names)", required: false }, confirm: "Resume session",
   }),
   onAbort: (participant) => act(participant, "abort", {
     title: `Abort ${participant}?`, text: ["The session ends for good and its slot in the counterbalancing is given to the next participant. What was recorded stays, marked as aborted."],
-    field: { label: "Reason (kept in the log)", required: true, missing: "Give a reason." }, confirm: "Abort session", danger: true,
+    field: { label: "Reason (kept and exported: write no names)", required: true, missing: "Give a reason." }, confirm: "Abort session", danger: true,
   }),
 });
 

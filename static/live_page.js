@@ -10,9 +10,9 @@ const KEPT_EVENTS = 50;
 const SOURCES = { user: "the participant", robot: "the robot", idle: "nobody: the robot waits", gripper: "nobody: the fingers move", reset: "nobody: the arm goes back" };
 const AXES = [["forward", "back"], ["left", "right"], ["up", "down"]];
 const ACTIONS = [
-  { kind: "message", path: "message", label: "Send message", title: "Message to the participant", text: "It is shown on the participant's page until they put it away.", field: "Message", confirm: "Send", done: "The message is on the participant's page." },
-  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick.", field: "What is special about it", confirm: "Mark", done: "The task is marked." },
-  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "Notes are kept with the session's events. They are exported: write no names.", field: "Note", confirm: "Keep note", done: "The note is kept." },
+  { kind: "message", path: "message", label: "Send message", title: "Message to the participant", text: "It is shown on the participant's page until they put it away. It is kept in the record and exported: write no names.", field: "Message", confirm: "Send", done: "The message is on the participant's page." },
+  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick, and exported: write no names.", field: "What is special about it", confirm: "Mark", done: "The task is marked." },
+  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "You find the note under the last events. The export says that there is one, and when it was written, not what it says.", field: "Note", confirm: "Keep note", done: "The note is kept." },
   { kind: "help_seen", path: "help_seen", label: "Help is given", done: "The call for help is answered." },
 ];
 

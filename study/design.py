@@ -78,8 +78,9 @@ class Study(Part):
     objects: Annotated[tuple[Identifier, ...], Field(min_length=1)]
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]
     pickups_per_trial: int = number(default=3, ge=1)
-    surveys: tuple[Identifier, ...] = ()
-    """Questionnaires after every trial: built in, or the study's own."""
+    surveys: tuple[Identifier, ...] = ("sus_modified", "tlx_raw")
+    """Questionnaires after every trial: built in, or the study's own. The paper's unless the file says otherwise:
+    nobody is to find out after the study that none was asked."""
     questionnaires: tuple[Questionnaire, ...] = ()
     consent: Consent
     demographics: tuple[DemographicItem, ...] = ()

@@ -87,6 +87,7 @@ def _contents(
     recorded: Snapshot, include_demo: bool, include_pilot: bool
 ) -> tuple[dict[str, Iterator[Any]], dict[str, str], dict[str, Any]]:
     tables = {table: recorded.rows(table, include_demo, include_pilot) for table in TABLES}
+    tables["trials"] = recorded.trials(include_demo, include_pilot)
     meta = {"machines": recorded.machines(), "erased_participants": len(recorded.erasures())}
     return tables, recorded.study_texts(include_demo, include_pilot), meta
 

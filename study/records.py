@@ -24,6 +24,8 @@ UTC = "ISO 8601 UTC"
 """The unit of a time of day; it is written as text such as 2026-01-31T09:30:00.000+00:00."""
 YES_NO = "0/1"
 """The unit of what is so (1) or not (0)."""
+OVERRUN_MS = 50.0
+"""A tick that starts later than this after its deadline is an overrun."""
 
 
 def column(
@@ -97,7 +99,7 @@ class TrialRow:
     placement: str = column("JSON: object id at each slot of the layout, in slot order", json="array")
     parameters: str = column("JSON: every parameter of the arbiter in this trial", json="object")
     outcome: str = column("How the trial ended", levels=("completed", "aborted", "running"))
-    ticks: int = column("Ticks run, resets included", unit="ticks", least=0)
+    ticks: int = column("Ticks run so far, resets included", unit="ticks", least=0)
     overruns: int = column("Ticks that started more than 50 ms late", unit="ticks", least=0)
     started_utc: str | None = column("When the first tick started", unit=UTC)
     finished_utc: str | None = column("When the trial ended", unit=UTC)
@@ -144,6 +146,10 @@ _USER = (
     "User input along {}: -1, 0 or 1; blank = none taken into account: hands off, controls ignored for a reading, "
     "or a gripper or reset tick (see source)"
 )
+_ACTION = (
+    "Action taken, {}; blank = none, 0,0,0 = the arbiter chose to stay. With source = robot it is the best-scored of "
+    "the actions that the arm can do from here and that push nothing over"
+)
 
 
 @dataclass(frozen=True)
@@ -171,15 +177,9 @@ class TickRow:
     user_x: int | None = column(_USER.format("x"), unit="1", least=-1, most=1)
     user_y: int | None = column(_USER.format("y"), unit="1", least=-1, most=1)
     user_z: int | None = column(_USER.format("z"), unit="1", least=-1, most=1)
-    action_x: int | None = column(
-        "Action taken, x; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
-    )
-    action_y: int | None = column(
-        "Action taken, y; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
-    )
-    action_z: int | None = column(
-        "Action taken, z; blank = none, 0,0,0 = the arbiter chose to stay", unit="1", least=-1, most=1
-    )
+    action_x: int | None = column(_ACTION.format("x"), unit="1", least=-1, most=1)
+    action_y: int | None = column(_ACTION.format("y"), unit="1", least=-1, most=1)
+    action_z: int | None = column(_ACTION.format("z"), unit="1", least=-1, most=1)
     source: str = column("Who moved the robot in this tick", levels=SOURCES)
     blocked: int = column("1 = the motion asked for was refused", unit=YES_NO)
     blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not")

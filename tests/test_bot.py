@@ -16,6 +16,7 @@ import pytest
 
 from app.__main__ import main
 from app.bots import Bot, BotReport, PanelBot, Wire, enter, open_wire
+from app.messages import Error, Input, Message, Page, Status
 from study.records import TABLES, columns
 from study.surveys import validate_surveys
 from tests import lab_server
@@ -368,3 +369,32 @@ def test_a_bot_with_a_wrong_link_or_in_real_time_says_so(
     made = invite(quick_lab, pace="real_time")
     assert main(["bot", "--url", made["link"], "--quiet"]) == 1
     assert "lockstep" in capsys.readouterr().err
+
+
+class ScriptedWire(Wire):
+    """The lab's part, line by line: what the bot sends is kept."""
+
+    def __init__(self, *lab: Message) -> None:
+        self._lab = iter(lab)
+        self.sent: list[Message] = []
+
+    async def send(self, message: Message) -> None:
+        self.sent.append(message)
+
+    async def receive(self) -> Message:
+        return next(self._lab)
+
+
+async def test_the_bot_waits_while_a_worker_is_replaced() -> None:
+    refused = Error(code="illegal", field="type", message="no tick can run in state 'trial' now; the input was ignored")
+    wire = ScriptedWire(
+        Page(state="trial", trial=1, trials=3, content={}),
+        Status(status="running"),
+        refused,
+        Status(status="recovering"),
+        Status(status="running"),
+        Page(state="done", trial=None, trials=3, content={}),
+    )
+    await Bot(wire, None).run()
+    assert [message.seq for message in wire.sent if isinstance(message, Input)] == [1, 2]
+    assert len(wire.sent) == 2

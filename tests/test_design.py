@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -66,6 +67,21 @@ def test_the_shipped_study_fits_the_simulated_world() -> None:
     layout = layouts[shipped_study().layout]
     slots = {name: len(candidate.slots) for name, candidate in layouts.items()}
     load_study(None, layouts=slots, objects=STUDY_OBJECTS, bins=[bin_.id for bin_ in layout.bins])
+
+
+SETTINGS = [line for line in SOURCE.splitlines() if re.match(r"[a-z_]+ = [^\[{]|surveys = ", line)]
+ONES_OWN = "required = false"  # of one question, not of the study
+
+
+@pytest.mark.parametrize("line", [line for line in SETTINGS if SOURCE.count(line) == 1 and line != ONES_OWN])
+def test_a_setting_that_is_left_out_has_the_value_shown_or_must_be_there(line: str, study: Study) -> None:
+    name = line.split(" = ")[0]
+    found: object = ()
+    try:
+        found = parse(SOURCE.replace(line + "\n", "")).model_dump()
+    except StudyFileError as error:
+        found = [problem for problem in error.problems if f"{name}: missing" in problem]
+    assert found and (isinstance(found, list) or found == study.model_dump())
 
 
 def test_every_demographic_question_can_be_declined(study: Study) -> None:

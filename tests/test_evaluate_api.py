@@ -131,6 +131,9 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("unknown condition", {"condition": "magic"}, "condition"),
     ("a weight the condition has not", {"condition": "goal_oriented", "alpha": 0.5}, "alpha"),
     ("negative weight", {"alpha": -1}, "alpha"),
+    ("a number in quotes", {"position_m": ["0.7", 0, 0]}, "position_m.0"),
+    ("true is no number", {"belief": [True, 0, 0]}, "belief.0"),
+    ("a weight beyond arithmetic", {"alpha": 1e308}, "alpha"),
     ("infinite weight", {"gamma": math.inf}, "gamma"),
     ("no step", {"step_m": 0}, "step_m"),
     ("delay beyond the tick", {"planning_delay": 1.5}, "planning_delay"),
@@ -159,7 +162,10 @@ def test_what_is_missing_is_named(client: httpx.Client, missing: str) -> None:
     assert [problem["field"] for problem in response.json()["problems"]] == [missing]
 
 
-@pytest.mark.parametrize(("content", "status"), [("{", 422), ("[]", 422), ("", 422), ("x" * 1_000_001, 413)])
+NO_JSON = ["{", "[]", "", "[" * 50_000, '{"position_m": [' + "9" * 5000 + ", 0, 0]}"]
+
+
+@pytest.mark.parametrize(("content", "status"), [*((text, 422) for text in NO_JSON), ("x" * 1_000_001, 413)])
 def test_no_json_and_too_much_of_it(client: httpx.Client, content: str, status: int) -> None:
     response = client.post("/api/arbiter/evaluate", content=content, headers={"Content-Type": "application/json"})
     assert response.status_code == status

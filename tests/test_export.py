@@ -49,7 +49,7 @@ def fill(store: Store, public_id: str, **options: Any) -> str:
         consent=(UTC, "c" * 64),
         ticks=[tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)],
         practice_ticks=[tick_row(who, 0)],
-        trials=[trial_row(who)],
+        trials=[dataclasses.replace(trial_row(who), outcome="completed", ticks=3)],
         tasks=[task_row(who, 1), task_row(who, 2, reason="wrong bin, “really”", outcome="failure")],
         alerts=[alert_row(who)],
         answers=[answer_row(who), answer_row(who, "comments", 'one, "two"\r\nthree\rfour\n=5')],
@@ -121,6 +121,20 @@ def test_names_and_demo_participants_stay_in_the_lab(store: Store, tmp_path: Pat
     export(store, tmp_path / "out", include_pilot=True)
     people = read_table(tmp_path / "out", "participants")
     assert [(row.participant, row.kind) for row in people] == [("P001", "study"), (pilot, "pilot")]
+
+
+def test_a_trial_that_still_runs_has_the_ticks_of_so_far(store: Store, tmp_path: Path) -> None:
+    who = fill(store, "running")
+    begun = dataclasses.replace(trial_row(who), outcome="running", ticks=0, overruns=0)
+    over = dataclasses.replace(begun, trial=2, outcome="completed", ticks=9, overruns=8)
+    late_ms = (0.1, 50.0, 50.1, None, 700.0)
+    later = [tick_row(who, 3 + n, late_ms=late) for n, late in enumerate(late_ms)]
+    store.commit(trials=[begun, over], ticks=[*later, tick_row(who, 0, trial=2)])
+    fill(store, "somebody else")
+    export(store, tmp_path / "out")
+    first, second, *_ = read_table(tmp_path / "out", "trials")
+    assert first == dataclasses.replace(begun, ticks=8, overruns=2)
+    assert second == over
 
 
 def test_every_column_is_in_the_codebook(store: Store, tmp_path: Path) -> None:

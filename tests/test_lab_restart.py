@@ -22,6 +22,7 @@ from app.session import LiveSession
 from study.protocol import Event
 from study.records import TickRow
 from study.store import Store
+from tests.dashboard_client import dashboard
 from tests.lab_server import LabServer
 from tests.wire_client import (
     COMPREHENSION,
@@ -191,6 +192,11 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
     kept = ticks(lab, participant)
     assert contiguous(kept) and len(kept) > last.tick
     assert kept[last.tick].input_seq == last.seq
+    async with dashboard(lab) as board:
+        await board.line(participant)
+        await board.watch(participant)
+        said = [event["data"] for event in (await board.news())["events"] if event["kind"] == "step_help"]
+    assert said == [{"words": "before"}]
     async with visit(at(lab, made["link"])) as player:
         page = await player.until(Page)
         assert (page.state, page.content["causes"]) == ("paused", ["connection"])
@@ -204,7 +210,7 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
     assert contiguous(rows) and len(rows) == len(kept) + 4
     assert [row.tick for row in rows if row.after_pause] == [len(kept)]
     assert rows[: len(kept)] == kept
-    assert [data for _, data in events(lab, participant, "step_help")] == [{"has_text": True}]
+    assert [data for _, data in events(lab, participant, "step_help")] == [{"has_words": True}]
     assert not events(lab, participant, "replay_mismatch")
     if end == "kill":
         assert events(lab, participant, "lab_restarted")

@@ -3,67 +3,31 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
+import io
 import json
-from collections.abc import AsyncIterator, Callable
+import zipfile
 from typing import Any
 
 import httpx
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.messages import Heartbeat, Notice
+from app.words import KEPT_AS
+from tests.dashboard_client import Line, dashboard, socket_url
 from tests.lab_server import LabServer
 from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, visit
-
-Line = dict[str, Any]
-
-
-class Dashboard:
-    """One dashboard's socket: what it was told, one message at a time."""
-
-    def __init__(self, wire: ClientConnection) -> None:
-        self.wire = wire
-        self.lines: dict[str, Line] = {}
-
-    async def next(self) -> Line:
-        message: Line = json.loads(await asyncio.wait_for(self.wire.recv(), MESSAGE_WITHIN_S))
-        if message["type"] == "overview":
-            self.lines |= {line["participant"]: line for line in message["sessions"]}
-        return message
-
-    async def line(self, participant: str, where: Callable[[Line], bool] = lambda line: True) -> Line:
-        """Listen until the participant's line is like this."""
-        while participant not in self.lines or not where(self.lines[participant]):
-            await self.next()
-        return self.lines[participant]
-
-    async def watch(self, participant: str | None) -> None:
-        await self.wire.send(json.dumps({"type": "watch", "participant": participant}))
-
-    async def news(self, where: Callable[[Line], bool] = lambda message: True) -> Line:
-        """Listen until something about the opened session arrives that is like this."""
-        while True:
-            message = await self.next()
-            if message["type"] == "watched" and where(message):
-                return message
-
-
-def socket_url(lab: LabServer) -> str:
-    return lab.base_url.replace("http", "ws", 1) + "/dashboard/socket"
-
-
-@contextlib.asynccontextmanager
-async def dashboard(lab: LabServer) -> AsyncIterator[Dashboard]:
-    async with connect(socket_url(lab), proxy=None, max_size=None) as wire:
-        await wire.send(json.dumps({"type": "hello", "token": lab.experimenter_token}))
-        yield Dashboard(wire)
 
 
 async def say(lab: LabServer, participant: str, path: str, body: Any) -> httpx.Response:
     async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
         return await client.post(f"/api/sessions/{participant}/{path}", json=body)
+
+
+async def get(lab: LabServer, path: str) -> httpx.Response:
+    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=30.0) as client:
+        return await client.get(path)
 
 
 async def heatmap(lab: LabServer, participant: str, kind: str) -> httpx.Response:
@@ -267,11 +231,43 @@ async def test_notes_marks_and_messages_are_events_with_who_and_what(quick_lab: 
         assert (await say(quick_lab, participant, "note", {"text": "afterwards"})).status_code == 200
     told = events(quick_lab, participant, "note", "message", "task_marked")
     assert told == [
-        ("note", {"by": "experimenter", "text": text}),
+        ("note", {"by": "experimenter", "has_words": True}),
         ("message", {"by": "experimenter", "text": text}),
         ("task_marked", {"by": "experimenter", "text": "slipped", "task": 1, "kind": "pickup"}),
-        ("note", {"by": "experimenter", "text": "afterwards"}),
+        ("note", {"by": "experimenter", "has_words": True}),
     ]
+
+
+async def test_words_that_may_name_somebody_are_read_beside_their_event_and_stay_out_of_the_export(
+    quick_lab: LabServer,
+) -> None:
+    made = invite(quick_lab)
+    participant = made["participant"]
+    async with dashboard(quick_lab) as board:
+        await board.line(participant)
+        await board.watch(participant)
+        async with visit(made["link"]) as player:
+            await player.done("help", {"text": "the screen of Ann Other is dark"})
+            await say(quick_lab, participant, "note", {"text": "Ann Other called"})
+            await player.done("help", {})
+            await say(quick_lab, participant, "note", {"text": "and called again"})
+            await player.done("withdraw", {"reason": "Ann Other has no time"})
+        told: list[dict[str, Any]] = []
+        while not any(event["kind"] == "step_withdraw" for event in told):
+            told += (await board.news())["events"]
+    words = [(event["kind"], event["data"].get("words")) for event in told if event["kind"] in KEPT_AS]
+    assert words == [
+        ("step_help", "the screen of Ann Other is dark"),
+        ("note", "Ann Other called"),
+        ("step_help", None),
+        ("note", "and called again"),
+        ("step_withdraw", "Ann Other has no time"),
+    ]
+    exported = await get(quick_lab, "/api/export")
+    with zipfile.ZipFile(io.BytesIO(exported.content)) as package:
+        files = {name: package.read(name) for name in package.namelist()}
+    assert participant.encode() in files["events.csv"]
+    assert not [name for name, content in files.items() if b"Ann Other" in content or b"called again" in content]
 
 
 async def test_a_call_for_help_stays_until_somebody_has_seen_it(quick_lab: LabServer) -> None:

@@ -10,6 +10,7 @@ import random
 from typing import Any
 
 import pytest
+from fastapi import WebSocketDisconnect
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -52,6 +53,8 @@ REFUSED: list[tuple[str, str | bytes, str, str | None]] = [
     ("unknown field", text(INPUT, speed=3), "invalid", "speed"),
     ("missing field", '{"type": "pong"}', "invalid", "n"),
     ("no whole number", text(INPUT, seq="one"), "invalid", "seq"),
+    ("a number in quotes", text(INPUT, seq="1"), "invalid", "seq"),
+    ("a time in quotes", text(INPUT, client_ms="0"), "invalid", "client_ms"),
     ("below the bound", text(INPUT, seq=-1), "invalid", "seq"),
     ("above the bound", text(INPUT, seq=2**54), "invalid", "seq"),
     ("many digits", '{"type": "pong", "n": ' + "9" * 5000 + "}", "malformed", None),
@@ -63,14 +66,14 @@ REFUSED: list[tuple[str, str | bytes, str, str | None]] = [
     ("half a character as id", '{"type":"note","id":"\\ud800","name":"n"}', "invalid", "id"),
     ("a direction of two", text(INPUT, direction=[0, 1]), "invalid", "direction.2"),
     ("half a direction", text(INPUT, direction=[0, 0, 0.5]), "invalid", "direction.2"),
-    ("true is no direction", text(INPUT, direction=[0, 0, 2]), "invalid", "direction.2"),
+    ("two is no direction", text(INPUT, direction=[0, 0, 2]), "invalid", "direction.2"),
     ("a gripper that flies", text(INPUT, gripper="fly"), "invalid", "gripper"),
     ("id with a space", text(NOTE, id="a b"), "invalid", "id"),
     ("id too long", text(NOTE, id="a" * 65), "invalid", "id"),
     ("id missing", '{"type": "submit", "step": "help"}', "invalid", "id"),
     ("unknown step", text(SUBMIT, step="win"), "invalid", "step"),
     ("data that is no object", text(SUBMIT, data=[1]), "invalid", "data"),
-    ("an object in a note", text(NOTE, data={"a": {}}), "invalid", None),
+    ("an object in a note", text(NOTE, data={"a": {}}), "invalid", "data.a"),
     ("a second hello", text(HELLO), "protocol", "type"),
     ("a view that is not there", '{"type": "view", "name": "moon"}', "invalid", "name"),
 ]
@@ -289,6 +292,31 @@ async def test_a_page_that_takes_nothing_is_cut_off_and_blocks_nobody() -> None:
     await asyncio.wait_for(serving, 10.0)
     assert session.gone == [client]
     assert socket.closed == [1013]
+
+
+class LeavingSocket(StalledSocket):
+    """A page that is closed before it says anything a session can be made of; what is sent to it goes nowhere."""
+
+    def __init__(self, *frames: str) -> None:
+        super().__init__()
+        self._frames = iter(frames)
+
+    async def receive(self) -> dict[str, Any]:
+        frame = next(self._frames, None)
+        return {"type": "websocket.disconnect", "code": 1001} if frame is None else {"type": "x", "text": frame}
+
+    async def send_text(self, data: str) -> None:
+        raise WebSocketDisconnect(1006)
+
+    async def close(self, code: int, reason: str = "") -> None:
+        raise WebSocketDisconnect(1006)
+
+
+@pytest.mark.parametrize("frames", [(), ("{",)], ids=["silent", "while it is being answered"])
+async def test_a_page_that_leaves_before_hello_is_no_error(frames: tuple[str, ...]) -> None:
+    session = Recorder()
+    await asyncio.wait_for(sockets.serve(LeavingSocket(*frames), session, "participant"), 5.0)  # type: ignore[arg-type]
+    assert session.attached.empty() and session.gone == []
 
 
 async def test_more_sockets_than_allowed_are_refused(quick_lab: LabServer) -> None:

@@ -95,7 +95,7 @@ def test_a_reason_for_leaving_is_kept_and_none_is_needed() -> None:
 
 
 def test_help_is_a_line_in_the_log_and_changes_nothing() -> None:
-    expected = Outcome(log={"has_text": True}, private=(("help", "Where is the bin?"),))
+    expected = Outcome(log={"has_words": True}, private=(("help", "Where is the bin?"),))
     assert take("help", {"text": "Where is the bin?"}) == expected
     assert take("help", {}).event is None
 

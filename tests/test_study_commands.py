@@ -10,6 +10,7 @@ import pytest
 from frictionless import validate
 
 from app.__main__ import main
+from app.planning import study_setup
 from app.variants import fitted, open_study
 from study.design import DEFAULT_STUDY
 from study.export import read_meta, read_table
@@ -71,12 +72,26 @@ def test_nothing_is_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
         assert "is no name for a study" in run(capsys, "new", name)[2]
 
 
-def test_a_file_without_mistakes_is_one_line_with_its_hash(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_without_mistakes_is_summed_up_with_its_hash_and_weight(capsys: pytest.CaptureFixture[str]) -> None:
     run(capsys, "new", "mine")
     status, said, complained = run(capsys, "check", "mine.toml")
-    assert (status, complained, said.count("\n")) == (0, "", 1)
-    assert said.startswith("mine.toml: fine. 3 conditions in 6 orders; 3 trials with 6 tasks each, 18 in all; ")
-    assert said.endswith(f"SHA-256 {open_study(Path('mine.toml')).hash}\n")
+    summary, weight = said.splitlines()
+    assert (status, complained) == (0, "")
+    assert summary.startswith("mine.toml: fine. 3 conditions in 6 orders; 3 trials with 6 tasks each, 18 in all; ")
+    study = open_study(Path("mine.toml"))
+    assert summary.endswith(f"SHA-256 {study.hash}")
+    calibration = study_setup(study).calibration
+    assert calibration is not None
+    assert weight.startswith(f"alpha is calibrated to {calibration.alpha:.4g}. ")
+    assert f"information weighs more than goals in {calibration.share_information_above_0_7:.0%} with a vague" in weight
+    assert f"goals weigh more in {calibration.share_goals_below_0_3:.0%} with a sure" in weight
+
+
+def test_a_weight_that_is_given_is_not_calibrated(capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "new", "mine")
+    text = Path("mine.toml").read_text(encoding="utf-8")
+    Path("mine.toml").write_text(text.replace('alpha = "calibrated"', "alpha = 300.0"), encoding="utf-8")
+    assert len(run(capsys, "check", "mine.toml")[1].splitlines()) == 1
 
 
 def test_every_problem_is_told_at_once_with_file_and_line(capsys: pytest.CaptureFixture[str]) -> None:

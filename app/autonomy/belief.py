@@ -71,7 +71,7 @@ def belief_entropy(probabilities: FloatArray) -> float:
         return 0.0
     possible = probabilities[probabilities > 0.0]
     entropy = -float((possible * np.log(possible)).sum()) / float(np.log(goal_count))
-    return min(max(entropy, 0.0), 1.0)
+    return min(max(0.0, entropy), 1.0)  # in this order: of a zero and a negative zero the first is returned
 
 
 def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArray:

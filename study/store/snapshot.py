@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import sqlalchemy as sql
 
-from study.records import KEYS, TABLES, columns
+from study.records import KEYS, OVERRUN_MS, TABLES, TrialRow, columns
 from study.store import erasure
 from study.store.tables import MACHINES, RECORDS, SESSIONS, STUDIES
 from study.store.values import Kind
@@ -33,6 +34,18 @@ class Snapshot:
         for name, value in equal.items():
             query = query.where(RECORDS[table].c[name] == value)
         return tuple(TABLES[table](**row) for row in self._connection.execute(query).mappings())
+
+    def trials(self, include_demo: bool = False, include_pilot: bool = False) -> Iterator[TrialRow]:
+        """As `rows("trials")`, with the ticks so far of those that are running: their own row is from their begin."""
+        for trial in tuple(self.rows("trials", include_demo, include_pilot)):
+            yield self._counted(trial) if trial.outcome == "running" else trial
+
+    def _counted(self, trial: TrialRow) -> TrialRow:
+        ticks = RECORDS["ticks"].c
+        late = sql.func.coalesce(sql.func.sum(sql.case((ticks.late_ms > OVERRUN_MS, 1), else_=0)), 0)
+        query = sql.select(sql.func.count(), late).where(ticks.participant == trial.participant)
+        count, overruns = self._connection.execute(query.where(ticks.trial == trial.trial)).one()
+        return replace(trial, ticks=count, overruns=overruns)
 
     def study_texts(self, include_demo: bool = False, include_pilot: bool = False) -> dict[str, str]:
         """Hash to text of every study file that participants ran under, in order of first use."""
