@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -63,6 +64,12 @@ def log_likelihood(
     return log_softmax(rationality_per_m * goal_rewards_m(position, momentum, goals_m, model), axis=-2)
 
 
+@cache
+def log_of_count(goal_count: int) -> float:
+    """log |Phi|, which turns nats into units of base |Phi|."""
+    return float(np.log(goal_count))
+
+
 def belief_entropy(probabilities: FloatArray) -> float:
     """H(b) = -sum b log_|Phi| b, eq. 8, in [0, 1]; 0 log 0 = 0, and a single goal has no entropy. (G,) ->
     scalar."""
@@ -70,7 +77,7 @@ def belief_entropy(probabilities: FloatArray) -> float:
     if goal_count == 1:
         return 0.0
     possible = probabilities[probabilities > 0.0]
-    entropy = -float((possible * np.log(possible)).sum()) / float(np.log(goal_count))
+    entropy = -float((possible * np.log(possible)).sum()) / log_of_count(goal_count)
     return min(max(entropy, 0.0), 1.0)
 
 
@@ -138,7 +145,7 @@ class Belief:
             raise AutonomyError(f"log_likelihood_row is {row.tolist()}; it must be {len(self.goal_ids)} finite numbers")
         return Belief(self.goal_ids, bayes_update(self.probabilities, row))
 
-    @property
+    @cached_property
     def entropy(self) -> float:
         """H(b), eq. 8, to base |Phi|: 0 when certain or with one goal, 1 when uniform."""
         return belief_entropy(self.probabilities)

@@ -28,8 +28,14 @@ def goal_rewards_m(
     """
     positions_m = checked_points_m("position_m", position_m)
     goals = checked_goals_m(goals_m)
-    next_positions_m = model.next_positions(positions_m, momentum)  # (..., 27, 3)
-    return distances_m(positions_m, goals)[..., None, :] - distances_m(next_positions_m, goals)
+    from_m = positions_m[..., None, :]
+    return rewards_of_moves_m(from_m, from_m + model.displacements(momentum), goals)
+
+
+def rewards_of_moves_m(from_m: FloatArray, to_m: FloatArray, goals_m: FloatArray) -> FloatArray:
+    """Eq. 1 of checked values: how much nearer to each goal a move leads, (..., 3), (..., 3), (G, 3) -> (..., G),
+    metres; shapes of ``from_m`` and ``to_m`` broadcast."""
+    return distances_m(from_m, goals_m) - distances_m(to_m, goals_m)
 
 
 def hindsight_reward(
