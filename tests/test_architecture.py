@@ -36,9 +36,9 @@ MODULES = {
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
-        app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.heatmap app.cycles
-        app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
-        app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
+        app.trial app.trial_values app.progress app.goals app.motion app.outcomes app.hands app.parts app.heatmap
+        app.cycles app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants
+        app.console app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
         app.recent app.remarks app.insight app.round_trips app.recruiter
