@@ -235,7 +235,7 @@ class Robot(Protocol):
         """
 
     def advance(self, slices: int = 1) -> None:
-        """Advance by so many slices (1/30 s each), to the very state that as many calls lead to."""
+        """Advance by so many slices (1/30 s each), at least one, to the very state that as many calls lead to."""
 
     def observe(self) -> WorldState:
         """The world as it is now."""

@@ -142,6 +142,10 @@ class KinematicRobot:
         """Advance by so many slices. Raises `SimError` before the first `reset`."""
         self._world()
         end = self._slice + slices
+        if self._path and not (self._near or self._held or self._gripper_slices_left):
+            # Nothing to meet on the way: only its end matters.
+            self._position = self._path[-slices:][0]
+            del self._path[-slices:]
         while self._slice < end and (self._path or self._gripper_slices_left):
             self._slice += 1
             if self._path:
@@ -245,12 +249,14 @@ class KinematicRobot:
             bound + way_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
         )
         return tuple(
-            thing
-            for thing in self._things
-            if thing.standing
-            and thing is not self._held
-            and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
-            and abs(thing.pose.position_world_m[1] - y_m) < beside_m
+            [
+                thing
+                for thing in self._things
+                if abs(thing.pose.position_world_m[1] - y_m) < beside_m
+                and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
+                and thing.standing
+                and thing is not self._held
+            ]
         )
 
     def _offset_m(self, thing: _Thing) -> Vector3:

@@ -232,7 +232,7 @@ def evaluate(
     if parameters.condition == "teleoperation":
         chosen = NULL_ACTION if user_index is None else user_index
     else:
-        chosen = select(score + selection_bonus, previous, allowed)
+        chosen = select(np.where(allowed, score + selection_bonus, -np.inf), previous)
     return Evaluation(
         likelihood=frozen(np.exp(log_likelihoods)),
         posterior=frozen(posterior),
@@ -297,12 +297,12 @@ def choose(
     previous = nearest_action(momentum)
     if previous is not None and user_index is None:
         values[previous] += parameters.stickiness
-    allowed = np.ones(ACTION_COUNT, dtype=np.bool_)
     while True:
-        chosen = select(values, previous, allowed)
-        if not allowed.any() or chosen == user_index or feasible is None or feasible(chosen):
+        chosen = select(values, previous)
+        nothing_left = values[chosen] == -np.inf
+        if nothing_left or chosen == user_index or feasible is None or feasible(chosen):
             return Choice(frozen(belief.copy()), chosen)
-        allowed[chosen] = False
+        values[chosen] = -np.inf
 
 
 def _information_weight(parameters: ArbiterParameters) -> float:
@@ -349,13 +349,13 @@ def decide(
     return Decision(evaluation.chosen, DIRECTIONS[evaluation.chosen], evaluation)
 
 
-def select(values: FloatArray, previous: int | None, allowed: BoolArray) -> int:
-    """The best of ``values`` (27,) among ``allowed`` (27,): ties go to ``previous``, else to the lowest
-    index; with nothing allowed, stay."""
-    if not allowed.any():
+def select(values: FloatArray, previous: int | None) -> int:
+    """The best of ``values`` (27,), -inf for what cannot be done: ties go to ``previous``, else to the lowest
+    index; with nothing left, stay."""
+    most = values.max()
+    if most == -np.inf:
         return NULL_ACTION
-    masked = np.where(allowed, values, -np.inf)
-    best = masked >= masked.max() - TIE_TOLERANCE
+    best = values >= most - TIE_TOLERANCE
     if previous is not None and best[previous]:
         return previous
     return int(best.argmax())

@@ -86,15 +86,22 @@ def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArra
 
     (G,), (G,) -> (G,). Works in logs; ends with ``PROBABILITY_FLOOR`` for goals whose prior is not 0.
     """
-    possible = prior > 0.0
-    log_posterior = np.log(prior, out=np.full(prior.shape, -np.inf), where=possible) + log_likelihood_row
+    log_posterior = _log(prior) + log_likelihood_row
     posterior: FloatArray = np.exp(log_posterior - log_posterior.max())
     posterior /= posterior.sum()
-    too_low = possible & (posterior < PROBABILITY_FLOOR)
-    if too_low.any():
-        posterior[too_low] = PROBABILITY_FLOOR
-        posterior /= posterior.sum()
+    if posterior.min() < PROBABILITY_FLOOR:
+        too_low = (prior > 0.0) & (posterior < PROBABILITY_FLOOR)
+        if too_low.any():
+            posterior[too_low] = PROBABILITY_FLOOR
+            posterior /= posterior.sum()
     return posterior
+
+
+def _log(probabilities: FloatArray) -> FloatArray:
+    """log b, with log 0 = -inf and no warning."""
+    if probabilities.all():
+        return np.log(probabilities)
+    return np.log(probabilities, out=np.full(probabilities.shape, -np.inf), where=probabilities > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
