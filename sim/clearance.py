@@ -74,14 +74,15 @@ def clearance(world: WorldState, scene: SceneSpec) -> Callable[[Vector3], bool]:
 
 
 def _passes(parts: Sequence[_Part], thing: _Standing, way_m: Vector3) -> bool:
-    on_the_way_m = min(_spare_m(parts, thing, way_m, share) for share in _SHARES)
+    on_the_way_m = min([_spare_m(parts, thing, way_m, share) for share in _SHARES])
     return on_the_way_m >= 0.0 or on_the_way_m >= _spare_m(parts, thing, way_m, 0.0) - _ROUNDING_M
 
 
 def _spare_m(parts: Sequence[_Part], thing: _Standing, way_m: Vector3, share: float) -> float:
     """How much more than its margin the nearest part keeps, at that share of the way."""
-    x_m, y_m, z_m = (place_m - share * along_m for place_m, along_m in zip(thing.place_m, way_m, strict=True))
-    return min(_gap_m(part, thing.outline, x_m, y_m, z_m) - part.margin_m for part in parts)
+    x_m, y_m, z_m = thing.place_m
+    x_m, y_m, z_m = x_m - share * way_m[0], y_m - share * way_m[1], z_m - share * way_m[2]
+    return min([_gap_m(part, thing.outline, x_m, y_m, z_m) - part.margin_m for part in parts])
 
 
 def _gap_m(part: _Part, outline: _Outline, x_m: float, y_m: float, z_m: float) -> float:

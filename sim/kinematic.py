@@ -135,7 +135,7 @@ class KinematicRobot:
             self._gripper_slices_left = fetch.GRIPPER_SLICES
             if not self._closing:
                 self._release()
-        self._near = self._within(command.speed_m_s * TICK_S) if self._path else ()
+        self._near = self._within_reach(command.speed_m_s * TICK_S) if self._path else ()
         return verdict
 
     def advance(self, slices: int = 1) -> None:
@@ -144,7 +144,7 @@ class KinematicRobot:
         end = self._slice + slices
         if self._path and not (self._near or self._held or self._gripper_slices_left):
             # Nothing to meet on the way: only its end matters.
-            self._position = self._path[-slices:][0]
+            self._slice, self._position = end, self._path[-slices:][0]
             del self._path[-slices:]
         while self._slice < end and (self._path or self._gripper_slices_left):
             self._slice += 1
@@ -242,11 +242,12 @@ class KinematicRobot:
             if _FINGER_BACK_M - half_m < x_m < _FINGER_FRONT_M + half_m:
                 self._knock_over(thing, (x_m, y_m))
 
-    def _within(self, way_m: float) -> tuple[_Thing, ...]:
-        """The standing objects that gripper or carried object can reach into during a tick of that way."""
+    def _within_reach(self, way_m: float) -> tuple[_Thing, ...]:
+        """The standing objects that gripper or carried object can knock over during a tick of that way."""
         x_m, y_m, _ = self._position
+        most_m = way_m + ik.ROUNDING_M
         behind_m, ahead_m, beside_m = (
-            bound + way_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
+            bound + most_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
         )
         return tuple(
             [
@@ -256,6 +257,8 @@ class KinematicRobot:
                 and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
                 and thing.standing
                 and thing is not self._held
+                # Fingers that move may reach further than the way.
+                and (self._gripper_slices_left or self._depth_m(thing, at_any_height=True) > KNOCK_DEPTH_M - most_m)
             ]
         )
 
@@ -264,24 +267,25 @@ class KinematicRobot:
         here, there = self._position, thing.pose.position_world_m
         return there[0] - here[0], there[1] - here[1], there[2] - here[2]
 
-    def _depth_m(self, thing: _Thing) -> float:
-        """How far gripper or carried object reach into a standing object's footprint; negative = clear of it."""
+    def _depth_m(self, thing: _Thing, at_any_height: bool = False) -> float:
+        """How far gripper or carried object reach into a standing object's footprint; negative = clear of it, as they
+        are above it or below, unless that does not count."""
         x_m, y_m, z_m = self._offset_m(thing)
         size_x_m, size_y_m, size_z_m = thing.placed.spec.size_m
         radius_m, half_z_m = min(size_x_m, size_y_m) / 2.0, size_z_m / 2.0
         gap_m = math.inf
-        if abs(z_m) < half_z_m + _FINGER_HALF_HEIGHT_M:
+        if at_any_height or abs(z_m) < half_z_m + _FINGER_HALF_HEIGHT_M:
             beside_m = (
                 abs(abs(y_m) - self._opening_m / 2.0 - fetch.FINGER_SIZE_M[1] / 2.0) - fetch.FINGER_SIZE_M[1] / 2.0
             )
             gap_m = math.hypot(max(_FINGER_BACK_M - x_m, x_m - _FINGER_FRONT_M, 0.0), max(beside_m, 0.0))
-        if abs(z_m) < half_z_m + _PALM_HALF_HEIGHT_M:
+        if at_any_height or abs(z_m) < half_z_m + _PALM_HALF_HEIGHT_M:
             along_m = max(_PALM_BACK_M - x_m, x_m - _PALM_FRONT_M, 0.0)
             gap_m = min(gap_m, math.hypot(along_m, max(abs(y_m) - _PALM_HALF_WIDTH_M, 0.0)))
         if self._held:
             carried = self._held.placed.spec
             dx_m, dy_m, dz_m = self._held_offset_m
-            if abs(z_m - dz_m) < half_z_m + carried.size_m[2] / 2.0:
+            if at_any_height or abs(z_m - dz_m) < half_z_m + carried.size_m[2] / 2.0:
                 between_m = math.hypot(x_m - dx_m, y_m - dy_m) - min(carried.size_m[0], carried.size_m[1]) / 2.0
                 gap_m = min(gap_m, between_m)
         return radius_m - gap_m
