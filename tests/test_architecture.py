@@ -59,7 +59,7 @@ MODULES = {
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.overview
         study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
-        study.quality study.eligibility study.recruiting
+        study.observations study.quality study.eligibility study.recruiting
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}
