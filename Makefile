@@ -76,7 +76,7 @@ check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, test-fa
 	@$(PY) -m mypy
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
 
-bench: $(VENV)/.installed-test ## measure decision time, ticks per second, tick-start error, scene payload
+bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, simulated studies and analysis
 	@$(PY) -m tests.bench
 
 clean: ## remove the environment and caches; never the data

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from app.config import LOOPBACK, LabConfig, LabError, public_url
 from app.study_commands import add_study_commands
-from study.records import StudyError
+from study.records import StudyError, utc_text
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -261,7 +261,6 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _erase(options: argparse.Namespace) -> None:
-    from app.surroundings import utc_text
     from study.store import open_store
 
     with open_store(options.data, exclusive=True, must_exist=True) as store:

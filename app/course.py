@@ -11,13 +11,12 @@ from typing import Any, Literal
 
 from app import pages
 from app.stage import Stage
-from app.surroundings import utc_text
 from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, Ticked, WorkerReport
 from study import protocol
 from study.design import reading
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.quality import judged
-from study.records import OVERRUN_MS, EventRow, TrialRow
+from study.records import OVERRUN_MS, EventRow, TrialRow, utc_text
 
 
 class Course:

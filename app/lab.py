@@ -18,7 +18,7 @@ from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
 from app.remarks import Remark
 from app.session import LiveSession
-from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
+from app.surroundings import Enrolment, Resumed, Surroundings
 from app.trial import CycleStart, inputs_of
 from app.words import with_words
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
@@ -28,7 +28,7 @@ from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
 from study.protocol import Event
-from study.records import OVERRUN_MS, EventRow, StudyError
+from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
 from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from app.autonomy.actions import UNIT_DIRECTIONS, index_of, nearest_action
 from app.autonomy.transition import TransitionModel
 from app.trial_values import STILL, Direction
@@ -15,6 +17,7 @@ def unit_direction(action: Direction) -> Vector3:
     return _UNIT_VECTORS[index_of(action)]
 
 
+@lru_cache(maxsize=4096)  # few momenta and actions, the same ones tick after tick
 def motion_segments(model: TransitionModel, momentum: Vector3, action: Direction) -> tuple[MotionSegment, ...]:
     """How the arm carries out `action` within a tick, so that it ends where `model` says it does.
 

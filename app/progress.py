@@ -14,20 +14,19 @@ class Progress:
 
     Attributes:
         cycle: number of the current cycle, from 1.
+        cycle_setup: what it is made of.
         kind: the current task of the cycle.
     """
 
+    cycle: int
+    cycle_setup: CycleSetup
+
     def __init__(self, setup: TrialSetup, cycle: int) -> None:
-        self.cycle = cycle
         self.kind: Literal["pickup", "dropoff"] = "pickup"
         self._setup = setup
+        self._set_cycle(cycle)
         self._first_tick: int | None = None
         self._goals = 0
-
-    @property
-    def cycle_setup(self) -> CycleSetup:
-        """What the current cycle is made of."""
-        return self._setup.cycles[min(self.cycle, len(self._setup.cycles)) - 1]
 
     @property
     def is_last_cycle(self) -> bool:
@@ -60,7 +59,11 @@ class Progress:
 
     def to_cycle(self, cycle: int) -> None:
         """Another cycle begins with its pickup."""
-        self.cycle, self.kind, self._first_tick = cycle, "pickup", None
+        self.kind, self._first_tick = "pickup", None
+        self._set_cycle(cycle)
+
+    def _set_cycle(self, cycle: int) -> None:
+        self.cycle, self.cycle_setup = cycle, self._setup.cycles[min(cycle, len(self._setup.cycles)) - 1]
 
     def row(self, verdict: Verdict, last_tick: int) -> TaskRow:
         """The row of the task that just ended."""

@@ -13,9 +13,8 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.api import Experimenter, ExperimenterRoute, TheLab
-from app.surroundings import utc_text
 from study.design import Study
-from study.records import EventRow, StudyError, TrialRow
+from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Store
 from study.surveys import score
 

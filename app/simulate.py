@@ -191,17 +191,16 @@ class _Parts:
         unfinished = place.with_suffix(f".{os.getpid()}")
         unfinished.mkdir()
         for table, rows in record.items():
-            with gzip.open(unfinished / table, "wt", encoding="utf-8", compresslevel=1) as file:
-                file.writelines(json.dumps(list(vars(row).values())) + "\n" for row in rows)
+            text = json.dumps([list(vars(row).values()) for row in rows])
+            (unfinished / table).write_bytes(gzip.compress(text.encode(), compresslevel=1))
         os.replace(unfinished, place)
 
     def rows(self, table: str, participants: int) -> Iterable[Any]:
         """The rows of a table, participant by participant."""
         row_type = TABLES[table]
         for index in range(participants):
-            with gzip.open(self._place(index) / table, "rt", encoding="utf-8") as file:
-                for line in file:
-                    yield row_type(*json.loads(line))
+            for values in json.loads(gzip.decompress((self._place(index) / table).read_bytes())):
+                yield row_type(*values)
 
     def remove(self) -> None:
         """Everything is exported."""

@@ -18,7 +18,6 @@ from app.participants import Population, Traits, draw_traits, stream
 from app.pilot import Sight
 from app.planning import StudySetup
 from app.steps import STEPS, StepContext
-from app.surroundings import utc_text
 from app.trial import TrialEngine
 from app.trial_values import OperatorInput, TickResult, TrialView
 from sim.interface import TICK_S, Robot, Vector3
@@ -26,7 +25,7 @@ from study import protocol
 from study.design import SessionPlan, TrialPlan, plan_session, reading
 from study.distractor import DistractorState
 from study.protocol import Event, Session
-from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow
+from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
 
 FIRST_DAY_UNIX_S = 946_684_800.0
 """2000-01-01: nobody will take a simulated time for a real one."""
@@ -259,6 +258,8 @@ class _Sitting:
     robot_moves: int = 0
     contrary_moves: int = 0
     finished: bool = False
+    view: TrialView = field(init=False)
+    """The trial as it is before the next tick."""
 
     def __post_init__(self) -> None:
         run, trial = self.run_, self.run_.session.trial
@@ -279,6 +280,7 @@ class _Sitting:
         try:
             engine = TrialEngine(self.trial_setup, robot)
             engine.open()
+            self.view = engine.view()
             while not engine.finished and engine.next_tick < GIVES_UP_TICKS:
                 self._tick(engine)
             self.finished = engine.finished
@@ -288,9 +290,8 @@ class _Sitting:
             self.distractor, _ = self.distractor.close()
 
     def _tick(self, engine: TrialEngine) -> None:
-        run, tick = self.run_, engine.next_tick
+        run, tick, view = self.run_, engine.next_tick, self.view
         self._attend(tick)
-        view = engine.view()
         sight = _sight(engine, view)
         wanted = self.driver.act(view.object, sight)
         run.inputs += 1
@@ -298,6 +299,7 @@ class _Sitting:
             result = engine.tick(OperatorInput(seq=run.inputs))
         else:
             result = engine.tick(OperatorInput(wanted.direction, wanted.gripper, run.inputs))
+        self.view = result.view
         run.tick, run.now_s = tick, run.now_s + TICK_S
         self.ticks.append(result.row)
         self.tasks += result.tasks if self.kind == "trial" else ()

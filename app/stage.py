@@ -15,14 +15,14 @@ from app.pages import PageContext
 from app.phase import Phase
 from app.recent import Recent
 from app.round_trips import RoundTrips
-from app.surroundings import Enrolment, Surroundings, Vitals, utc_text
+from app.surroundings import Enrolment, Surroundings, Vitals
 from app.trial import CycleStart
 from app.words import with_words
 from app.worker_link import WorkerLink
 from study.distractor import DistractorState
 from study.eligibility import PINGS, Check, checks_of
 from study.protocol import Session
-from study.records import EventRow
+from study.records import EventRow, utc_text
 from study.store import Cycle
 
 Source = Literal["participant", "experimenter", "lab", "robot"]

@@ -22,9 +22,9 @@ from app.paper import REPORTED
 from app.parts import make_robot
 from app.simulate import Plan, check_count, participant_seed, run_jobs
 from app.simulation import simulate_trials
-from study.analysis import Observation, observations, survey_observations
 from study.design import orders
 from study.measures import measure, survey_scores
+from study.observations import Observation, observations, survey_observations
 
 Key = tuple[str, str]
 """Measure and kind, as in `app.paper.REPORTED`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
 from typing import Literal, Protocol
 
 from app.config import LabConfig
@@ -14,7 +13,7 @@ from app.worker_messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.design import SessionPlan, Study
 from study.distractor import DistractorState
 from study.protocol import WorkerKind
-from study.records import EventRow, TrialRow
+from study.records import EventRow, TrialRow, utc_text
 from study.writer import AsyncStore
 
 Role = Literal["participant", "panel"]
@@ -112,9 +111,3 @@ class Surroundings:
     def now_utc(self) -> str:
         """The time as it is recorded."""
         return utc_text(self.now_unix_s())
-
-
-def utc_text(unix_s: float) -> str:
-    """ISO 8601 UTC with milliseconds."""
-    text = datetime.fromtimestamp(unix_s, timezone.utc).isoformat(timespec="milliseconds")
-    return text.replace("+00:00", "Z")

@@ -20,18 +20,16 @@ alone: `CycleStart` is all that has to be remembered.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 from app.autonomy.arbiter import choose
 from app.autonomy.belief import Belief
 from app.autonomy.transition import TransitionModel
+from app.goals import Goals, candidates, compact_json
 from app.motion import motion_segments, unit_direction
-from app.outcomes import Verdict, dropoff_verdict, pickup_verdict, practice_verdict, release_points
+from app.outcomes import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
 from app.progress import Progress
 from app.trial_values import (
     NO_INPUT,
@@ -45,7 +43,7 @@ from app.trial_values import (
     TrialView,
 )
 from app.trial_values import inputs_of as inputs_of
-from sim.clearance import clear
+from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -62,6 +60,7 @@ from sim.interface import (
 from study.records import TaskRow, TickRow
 
 _STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
+_NO_DIRECTION: tuple[int | None, int | None, int | None] = (None, None, None)
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,9 @@ class TrialEngine:
         self._progress = Progress(setup, self._start.cycle)
         self._delivered: dict[str, Pose] = dict(self._start.delivered)
         self._momentum: Vector3 = STILL
+        self._goals = Goals.at(())
         self._belief: Belief | None = None
+        self._belief_text: tuple[Belief | None, str] = (None, "")
         self._held_before: str | None = None
         self._fingers: GripperCommand = "open"
         self._gripper_ticks_left = 0
@@ -147,6 +148,7 @@ class TrialEngine:
 
     def view(self, source: str = "idle", blocked: bool = False, ended: Verdict | None = None) -> TrialView:
         """The trial as a page may show it now."""
+        progress, world = self._progress, self.world
         phase: Literal["operating", "gripper", "settling", "reset", "finished"] = "operating"
         if self.finished:
             phase = "finished"
@@ -158,13 +160,13 @@ class TrialEngine:
             phase = "gripper"
         return TrialView(
             phase=phase,
-            kind=self._progress.kind,
-            object=self._progress.cycle_setup.object,
-            bin=self._progress.cycle_setup.bin,
-            done_tasks=self._progress.task - 1 if not self.finished else self._progress.tasks,
-            tasks=self._progress.tasks,
-            gripper=self.world.gripper,
-            holding=self.world.held is not None,
+            kind=progress.kind,
+            object=progress.cycle_setup.object,
+            bin=progress.cycle_setup.bin,
+            done_tasks=progress.task - 1 if not self.finished else progress.tasks,
+            tasks=progress.tasks,
+            gripper=world.gripper,
+            holding=world.held is not None,
             blocked=blocked,
             source=source,
             ended=ended,
@@ -180,10 +182,7 @@ class TrialEngine:
     def tick(self, operator: OperatorInput = NO_INPUT) -> TickResult:
         """One whole tick."""
         self.begin(operator)
-        advance = self._robot.advance
-        for _ in range(SLICES_PER_TICK):
-            advance()
-        self._world = None
+        self.advance(SLICES_PER_TICK)
         return self.end()
 
     def begin(self, operator: OperatorInput) -> None:
@@ -192,10 +191,11 @@ class TrialEngine:
             raise RuntimeError("a tick cannot begin: " + ("the trial is over" if self.finished else "one is running"))
         if operator.after_pause:
             self._momentum = STILL
+        self._look()
         if self._reset_ticks_left:
             self._pending = self._begin_still(operator, "reset")
             return
-        self._refresh_goals()
+        self._refresh_belief()
         gripper = self._gripper_command(operator)
         if gripper is not None:
             self._fingers = gripper
@@ -205,9 +205,9 @@ class TrialEngine:
         else:
             self._pending = self._begin_motion(operator)
 
-    def advance(self) -> None:
-        """One slice of physics."""
-        self._robot.advance()
+    def advance(self, slices: int = 1) -> None:
+        """So many slices of physics."""
+        self._robot.advance(slices)
         self._world = None  # observed when somebody looks
 
     def end(self) -> TickResult:
@@ -246,18 +246,17 @@ class TrialEngine:
 
     # ---- the start of a tick ------------------------------------------------------------------------------------
 
-    def _goals(self) -> dict[str, Vector3]:
-        """Candidate goals: the bins while something is held, else the objects of the scene where they are now."""
-        if self.world.held is not None:
-            return release_points(self.scene.bins)
-        return {item.id: item.grasp_world_m for item in self.world.objects}
+    def _look(self) -> None:
+        """Where the candidate goals are now."""
+        places_m = candidates(self.world, self.scene)
+        if places_m != self._goals.places_m:
+            self._goals = Goals.at(places_m)
 
-    def _refresh_goals(self) -> None:
-        """Goals and belief for this tick. A changed set of goals starts a fresh belief."""
-        goal_ids = tuple(self._goals())
-        if self._belief is None or self._belief.goal_ids != goal_ids:
-            self._belief = Belief.uniform(goal_ids)
-        self._progress.begin_task(self._tick, len(goal_ids))
+    def _refresh_belief(self) -> None:
+        """A changed set of goals starts a fresh belief."""
+        if self._belief is None or self._belief.goal_ids != self._goals.ids:
+            self._belief = Belief.uniform(self._goals.ids)
+        self._progress.begin_task(self._tick, len(self._goals.ids))
 
     def _gripper_command(self, operator: OperatorInput) -> GripperCommand | None:
         """The button's command, unless the fingers are busy or were told so already."""
@@ -272,22 +271,20 @@ class TrialEngine:
 
     def _begin_motion(self, operator: OperatorInput) -> _Tick:
         assert self._belief is not None
-        goals = self._goals()
-        parameters = self.setup.parameters
-        autonomous = operator.direction is None and parameters.condition != "teleoperation"
+        user, parameters = operator.direction, self.setup.parameters
+        autonomous = user is None and parameters.condition != "teleoperation"
         choice = choose(
             self.world.position_world_gripper_m,
             self._momentum,
-            np.array(list(goals.values())),
+            self._goals.positions_m,
             self._belief.probabilities,
-            operator.direction,
+            user,
             parameters,
             self._feasible(parameters.transition) if autonomous else None,
         )
-        self._belief = Belief(self._belief.goal_ids, choice.posterior)
-        user, action, source = operator.direction, choice.direction, "user"
-        if user is None:
-            source = "robot" if autonomous else "idle"
+        action, source = choice.direction, "robot" if autonomous else "idle"
+        if user is not None:
+            self._belief, source = Belief(self._goals.ids, choice.posterior), "user"
         segments = motion_segments(parameters.transition, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
@@ -297,10 +294,11 @@ class TrialEngine:
         """Whether the arm can do an action from here, and pushes nothing over."""
         reach_m = self.setup.timing.speed_m_s * TICK_S
         ways_m = reach_m / model.step_m * model.displacements(self._momentum)
-        pushes_nothing = clear(self.world, self.scene, ways_m)
+        pushes_nothing = clearance(self.world, self.scene)
 
         def feasible(action: int) -> bool:
-            return bool(pushes_nothing[action]) and bool(self._robot.feasible(ways_m[action : action + 1])[0])
+            x_m, y_m, z_m = ways_m[action].tolist()
+            return pushes_nothing((x_m, y_m, z_m)) and bool(self._robot.feasible(ways_m[action : action + 1])[0])
 
         return feasible
 
@@ -314,11 +312,11 @@ class TrialEngine:
     ) -> dict[str, Any]:
         """The part of the row that is known at the start of the tick."""
         resetting = source == "reset"
-        goals = self._goals()
-        belief = self._belief or Belief.uniform(tuple(goals))
-        p, m = self.world.position_world_gripper_m, self._momentum
-        user_xyz: tuple[int | None, ...] = user if user is not None else (None, None, None)
-        action_xyz: tuple[int | None, ...] = action if action is not None else (None, None, None)
+        belief = self._belief or Belief.uniform(self._goals.ids)
+        p_x, p_y, p_z = self.world.position_world_gripper_m
+        m_x, m_y, m_z = self._momentum
+        user_x, user_y, user_z = user or _NO_DIRECTION
+        action_x, action_y, action_z = action or _NO_DIRECTION
         return {
             "participant": self.setup.participant,
             "condition": self.setup.condition,
@@ -329,18 +327,32 @@ class TrialEngine:
             "cycle": self._progress.cycle,
             "trial_s": self._tick * TICK_S,
             "goal": None if resetting else self._progress.goal,
-            **dict(zip(("p_x", "p_y", "p_z"), p, strict=True)),
-            **dict(zip(("m_x", "m_y", "m_z"), m, strict=True)),
-            **dict(zip(("user_x", "user_y", "user_z"), user_xyz, strict=True)),
-            **dict(zip(("action_x", "action_y", "action_z"), action_xyz, strict=True)),
+            "p_x": p_x,
+            "p_y": p_y,
+            "p_z": p_z,
+            "m_x": m_x,
+            "m_y": m_y,
+            "m_z": m_z,
+            "user_x": user_x,
+            "user_y": user_y,
+            "user_z": user_z,
+            "action_x": action_x,
+            "action_y": action_y,
+            "action_z": action_z,
             "source": source,
             "gripper_input": pressed,
             "after_pause": int(operator.after_pause),
-            "goals": _json({name: list(position) for name, position in goals.items()}),
-            "belief": _json(belief.as_dict()),
+            "goals": self._goals.text,
+            "belief": self._text_of(belief),
             "entropy": belief.entropy,
             "input_seq": operator.seq,
         }
+
+    def _text_of(self, belief: Belief) -> str:
+        """JSON: goal id to probability. Ticks without evidence keep their belief, and its text."""
+        if self._belief_text[0] is not belief:
+            self._belief_text = belief, compact_json(belief.as_dict())
+        return self._belief_text[1]
 
     # ---- the end of a tick --------------------------------------------------------------------------------------
 
@@ -434,10 +446,3 @@ class TrialEngine:
         self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
         self._robot.reset(self.scene)
         self._world = self._robot.observe()
-
-
-_ENCODER = json.JSONEncoder(separators=(",", ":"))
-
-
-def _json(value: Any) -> str:
-    return _ENCODER.encode(value)

@@ -131,9 +131,13 @@ class BulletRobot:
             self._drive_fingers()
         return verdict
 
-    def advance(self) -> None:
-        """Advance by one slice. Raises `SimError` before the first `reset`."""
+    def advance(self, slices: int = 1) -> None:
+        """Advance by so many slices. Raises `SimError` before the first `reset`."""
         client = self._world()
+        for _ in range(slices):
+            self._advance_slice(client)
+
+    def _advance_slice(self, client: int) -> None:
         self._slice += 1
         self._gripper_slices_left = max(self._gripper_slices_left - 1, 0)
         before = self._target

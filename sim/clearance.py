@@ -2,90 +2,158 @@
 
 A person may drive into things; the robot, when the hands are off, plans around what it sees, as the paper's planner
 did. In the plane, a standing cylinder is a circle, a box a rectangle as long as it stands square to the table (else
-the circle around it), and so is a held object; the gripper is two finger boxes and a palm box. A motion is clear when
-every part keeps its margin to every standing object all the way, or at least does not come nearer to one that it is
-too near to already.
+the circle around it), and so is a held object; fingers and palm are boxes. A motion is clear when every part keeps
+its margin to every standing object all the way, or at least does not come nearer to one that it is too near to
+already.
+
+    allows = clearance(world, scene)
+    allows((0.02, 0.0, 0.0))         whether the gripper may go 2 cm ahead
+
+Plain numbers on purpose: little stands nearby, and few motions are asked about.
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 from sim import fetch
 from sim.interface import ObjectSpec, Pose, SceneSpec, Vector3, WorldState
 
-FloatArray = NDArray[np.float64]
-
 FINGER_MARGIN_M = 0.003
 PALM_MARGIN_M = 0.003
 CARRIED_MARGIN_M = 0.01
+MAX_WAY_M = 0.05
+"""The longest motion that is asked about: a tick's."""
 NEAR_M = 0.35
-"""Objects farther away than this cannot be reached by gripper or carried object within a tick."""
+"""Objects farther away than this, along x or y, cannot be reached by gripper or carried object within a tick."""
 
 _STANDS = math.cos(math.pi / 4.0)
-_SHARES = np.array([0.0, 0.5, 1.0])  # a tick's way is at most 5 cm
+_SHARES = (0.5, 1.0)
+"""Where on its way a motion is looked at, besides its start."""
 _ROUNDING_M = 1e-9
 _SQUARE = 0.03
 """Of a quaternion's z: about 3.5 degrees of turn."""
 
 
-def clear(world: WorldState, scene: SceneSpec, displacements_m: FloatArray) -> NDArray[np.bool_]:
-    """Which straight displacements, shape (N, 3) in metres, of the gripper as it is now push nothing over; (N,)."""
-    centers, outlines_m = [], []
-    here_m = world.position_world_gripper_m
+class _Outline(NamedTuple):
+    """Something upright: a rectangle with a rounded edge of `radius_m` around it; half sizes."""
+
+    length_m: float
+    width_m: float
+    radius_m: float
+    height_m: float
+
+
+class _Part(NamedTuple):
+    """Something that moves with the gripper: where its middle is from there, and the distance it keeps."""
+
+    place_m: Vector3
+    outline: _Outline
+    margin_m: float
+
+
+class _Standing(NamedTuple):
+    """An object that could be pushed over, and where its middle is from the gripper."""
+
+    place_m: Vector3
+    outline: _Outline
+
+
+def clearance(world: WorldState, scene: SceneSpec) -> Callable[[Vector3], bool]:
+    """What tells of a straight displacement of the gripper, of at most 5 cm, whether it pushes nothing over."""
+    parts = _parts(world, scene)
+    near = _standing_near(parts, world, scene)
+
+    def allows(way_m: Vector3) -> bool:
+        return all(_passes(parts, thing, way_m) for thing in near)
+
+    return allows
+
+
+def _passes(parts: Sequence[_Part], thing: _Standing, way_m: Vector3) -> bool:
+    on_the_way_m = min([_spare_m(parts, thing, way_m, share) for share in _SHARES])
+    return on_the_way_m >= 0.0 or on_the_way_m >= _spare_m(parts, thing, way_m, 0.0) - _ROUNDING_M
+
+
+def _spare_m(parts: Sequence[_Part], thing: _Standing, way_m: Vector3, share: float) -> float:
+    """How much more than its margin the nearest part keeps, at that share of the way."""
+    x_m, y_m, z_m = thing.place_m
+    x_m, y_m, z_m = x_m - share * way_m[0], y_m - share * way_m[1], z_m - share * way_m[2]
+    return min([_gap_m(part, thing.outline, x_m, y_m, z_m) - part.margin_m for part in parts])
+
+
+def _gap_m(part: _Part, outline: _Outline, x_m: float, y_m: float, z_m: float) -> float:
+    """Distance in the plane between a part and an outline at (x, y, z) from the gripper; infinite above or below."""
+    own = part.outline
+    if abs(z_m - part.place_m[2]) >= outline.height_m + own.height_m:
+        return math.inf
+    along_m = max(abs(x_m - part.place_m[0]) - own.length_m - outline.length_m, 0.0)
+    aside_m = max(abs(y_m - part.place_m[1]) - own.width_m - outline.width_m, 0.0)
+    return math.hypot(along_m, aside_m) - outline.radius_m - own.radius_m
+
+
+def _parts(world: WorldState, scene: SceneSpec) -> tuple[_Part, ...]:
+    """Two fingers, the palm, and what is held."""
+    gripper = _gripper(world.finger_opening_m)
+    if world.held is None:
+        return gripper
+    pose = world.object(world.held).pose
+    place_m = _offset_m(pose, world.position_world_gripper_m)
+    return (*gripper, _Part(place_m, _outline(scene.object(world.held).spec, pose), CARRIED_MARGIN_M))
+
+
+@lru_cache(maxsize=64)
+def _gripper(opening_m: float) -> tuple[_Part, ...]:
+    finger, palm = _box(fetch.FINGER_SIZE_M), _box(fetch.PALM_SIZE_M)
+    beside_m = opening_m / 2.0 + finger.width_m
+    return (
+        _Part((fetch.FINGER_CENTER_X_M, beside_m, 0.0), finger, FINGER_MARGIN_M),
+        _Part((fetch.FINGER_CENTER_X_M, -beside_m, 0.0), finger, FINGER_MARGIN_M),
+        _Part(fetch.PALM_CENTER_M, palm, PALM_MARGIN_M),
+    )
+
+
+def _standing_near(parts: Sequence[_Part], world: WorldState, scene: SceneSpec) -> list[_Standing]:
+    """Everything upright on the table, except what is held, that a motion could bring nearer than a margin."""
+    found = []
     for item in world.objects:
-        x_m, y_m, z_m = item.pose.position_world_m
-        _, qx, qy, _ = item.pose.quaternion_wxyz
-        if item.id == world.held or z_m < scene.table.top_z_m or 1.0 - 2.0 * (qx * qx + qy * qy) < _STANDS:
+        place_m = _offset_m(item.pose, world.position_world_gripper_m)
+        if abs(place_m[0]) > NEAR_M or abs(place_m[1]) > NEAR_M or item.id == world.held:
             continue
-        if abs(x_m - here_m[0]) < NEAR_M and abs(y_m - here_m[1]) < NEAR_M:
-            centers.append((x_m, y_m, z_m))
-            outlines_m.append(_outline_m(scene.object(item.id).spec, item.pose))
-    if not centers:
-        return np.ones(len(displacements_m), dtype=np.bool_)
-    points_m = np.asarray(here_m) + _SHARES[:, None] * displacements_m[:, None, :]  # (N, S, 3)
-    offsets_m = np.array(centers) - points_m[:, :, None, :]  # (N, S, O, 3)
-    spare_m = _spare_m(offsets_m, np.array(outlines_m), world, scene)
-    start_m, way_m = spare_m[:, 0], spare_m[:, 1:].min(axis=1)  # (N, O)
-    fits: NDArray[np.bool_] = ((way_m >= 0.0) | (way_m >= start_m - _ROUNDING_M)).all(axis=1)
-    return fits
+        _, qx, qy, _ = item.pose.quaternion_wxyz
+        if item.pose.position_world_m[2] < scene.table.top_z_m or 1.0 - 2.0 * (qx * qx + qy * qy) < _STANDS:
+            continue
+        thing = _Standing(place_m, _outline(scene.object(item.id).spec, item.pose))
+        if any(_within_reach(part, thing) for part in parts):
+            found.append(thing)
+    return found
 
 
-def _outline_m(spec: ObjectSpec, pose: Pose) -> tuple[float, float, float, float]:
-    """(half length, half width, radius around that rectangle, half height) of something upright."""
+def _within_reach(part: _Part, thing: _Standing) -> bool:
+    own, its = part.outline, thing.outline
+    most_m = own.radius_m + its.radius_m + part.margin_m + MAX_WAY_M
+    return (
+        abs(thing.place_m[0] - part.place_m[0]) - own.length_m - its.length_m <= most_m
+        and abs(thing.place_m[1] - part.place_m[1]) - own.width_m - its.width_m <= most_m
+    )
+
+
+def _offset_m(pose: Pose, from_m: Vector3) -> Vector3:
+    x_m, y_m, z_m = pose.position_world_m
+    return x_m - from_m[0], y_m - from_m[1], z_m - from_m[2]
+
+
+def _outline(spec: ObjectSpec, pose: Pose) -> _Outline:
     length_m, width_m, height_m = spec.size_m
     if spec.shape == "cylinder":
-        return 0.0, 0.0, length_m / 2.0, height_m / 2.0
+        return _Outline(0.0, 0.0, length_m / 2.0, height_m / 2.0)
     if abs(pose.quaternion_wxyz[3]) > _SQUARE:
-        return 0.0, 0.0, math.hypot(length_m, width_m) / 2.0, height_m / 2.0
-    return length_m / 2.0, width_m / 2.0, 0.0, height_m / 2.0
+        return _Outline(0.0, 0.0, math.hypot(length_m, width_m) / 2.0, height_m / 2.0)
+    return _box(spec.size_m)
 
 
-def _spare_m(offsets_m: FloatArray, outlines_m: FloatArray, world: WorldState, scene: SceneSpec) -> FloatArray:
-    """How much more than its margin the nearest part keeps, (..., O, 3) offsets from gripper to object -> (..., O)."""
-    x_m, y_m, z_m = offsets_m[..., 0], offsets_m[..., 1], offsets_m[..., 2]
-    finger_m, palm_m = fetch.FINGER_SIZE_M, fetch.PALM_SIZE_M
-    beside_m = np.abs(y_m) - (world.finger_opening_m / 2.0 + finger_m[1] / 2.0)
-    spare_m = _gap_m(x_m - fetch.FINGER_CENTER_X_M, beside_m, z_m, finger_m, outlines_m) - FINGER_MARGIN_M
-    gap_m = _gap_m(x_m - fetch.PALM_CENTER_M[0], y_m, z_m, palm_m, outlines_m) - PALM_MARGIN_M
-    spare_m = np.minimum(spare_m, gap_m)
-    if world.held is not None:
-        held, here_m = world.object(world.held), world.position_world_gripper_m
-        length_m, width_m, radius_m, half_m = _outline_m(scene.object(world.held).spec, held.pose)
-        dx_m, dy_m, dz_m = (there - here for there, here in zip(held.pose.position_world_m, here_m, strict=True))
-        box_m = (2.0 * length_m, 2.0 * width_m, 2.0 * half_m)
-        gap_m = _gap_m(x_m - dx_m, y_m - dy_m, z_m - dz_m, box_m, outlines_m) - radius_m - CARRIED_MARGIN_M
-        spare_m = np.minimum(spare_m, gap_m)
-    return spare_m
-
-
-def _gap_m(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, box_m: Vector3, outlines_m: FloatArray) -> FloatArray:
-    """Distance in the plane between a box around the origin and each outline (O, 4); infinite above or below it."""
-    along_m = np.maximum(np.abs(x_m) - box_m[0] / 2.0 - outlines_m[:, 0], 0.0)
-    aside_m = np.maximum(np.abs(y_m) - box_m[1] / 2.0 - outlines_m[:, 1], 0.0)
-    gap_m: FloatArray = np.hypot(along_m, aside_m) - outlines_m[:, 2]
-    gap_m[np.abs(z_m) >= outlines_m[:, 3] + box_m[2] / 2.0] = np.inf
-    return gap_m
+def _box(size_m: Vector3) -> _Outline:
+    return _Outline(size_m[0] / 2.0, size_m[1] / 2.0, 0.0, size_m[2] / 2.0)

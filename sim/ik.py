@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple, get_args
 
@@ -68,6 +69,7 @@ REASONS = (
 """What stops a motion, by code; 0 is nothing."""
 _BOX, _STRETCH, _FOLD, _SHOULDER, _WRIST = range(1, 6)
 
+_GRIPPER_COMMANDS: tuple[str, ...] = get_args(GripperCommand)
 _MIN_STRETCH = math.cos(ELBOW_RAD[1])
 _MAX_STRETCH = math.cos(ELBOW_RAD[0])
 
@@ -106,6 +108,7 @@ def _posture(x_m: Any, y_m: Any, z_m: Any, maths: _Maths) -> tuple[Any, Any, Any
     return pan, lift, elbow, forearm_roll, wrist_flex, wrist_roll, bend
 
 
+@lru_cache(maxsize=1024)  # an arm at rest and objects that stand are asked about tick after tick
 def solve(position_world_gripper_m: Vector3) -> tuple[Joints, int]:
     """Posture at one position, and what is wrong with it: an index of `REASONS`, 0 when it is within reach.
 
@@ -201,18 +204,18 @@ def segment_feasible(start_world_m: Vector3, displacements_m: FloatArray) -> NDA
 
 def check_command(command: RobotCommand) -> None:
     """Raises `SimError` when the segments do not fill a tick, or a number or choice is out of its bounds."""
-    slices = sum(segment.slices for segment in command.segments)
-    if slices != SLICES_PER_TICK or any(segment.slices < 1 for segment in command.segments):
-        lengths = [segment.slices for segment in command.segments]
+    lengths = [segment.slices for segment in command.segments]
+    if sum(lengths) != SLICES_PER_TICK or min(lengths) < 1:
         raise SimError(f"segments of {lengths} slices; positive lengths must add up to {SLICES_PER_TICK}")
     if not 0.0 <= command.speed_m_s <= MAX_SPEED_M_S:
         raise SimError(f"speed {command.speed_m_s} m/s; it must be from 0 to {MAX_SPEED_M_S} m/s")
     for segment in command.segments:
-        norm = math.sqrt(sum(value * value for value in segment.direction))
+        x, y, z = segment.direction
+        norm = math.sqrt(x * x + y * y + z * z)
         if not norm <= 1.0 + 1e-9:  # also refuses NaN
             raise SimError(f"direction {segment.direction} has length {norm}; at most 1")
-    if command.gripper not in get_args(GripperCommand):
-        raise SimError(f"gripper command {command.gripper!r}; choices are {', '.join(get_args(GripperCommand))}")
+    if command.gripper not in _GRIPPER_COMMANDS:
+        raise SimError(f"gripper command {command.gripper!r}; choices are {', '.join(_GRIPPER_COMMANDS)}")
 
 
 def executable(start_world_m: Vector3, command: RobotCommand) -> MotionVerdict:

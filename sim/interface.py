@@ -3,12 +3,12 @@
 World frame: z up, x forward from the robot's base, y left; metres, seconds, radians. Quaternions are (w, x, y, z).
 
 One tick of the lab is `SLICES_PER_TICK` slices. A caller gives one `RobotCommand` for the whole tick and then advances
-slice by slice, as fast or as slowly as it likes: what happens depends on the commands alone, never on the pacing.
+through it, at once or slice by slice, as slowly as it likes: what happens depends on the commands alone, never on the
+pacing.
 
     robot.reset(scene)                      a fresh world, arm at the start pose, gripper open
     verdict = robot.command(command)        what of the command will be executed, and why not the rest
-    for _ in range(SLICES_PER_TICK):
-        robot.advance()
+    robot.advance(SLICES_PER_TICK)
     state = robot.observe()
 """
 
@@ -217,7 +217,7 @@ class WorldState:
         numbers += [self.finger_opening_m, float(self.lagging)]
         for item in self.objects:
             numbers += [*item.pose.position_world_m, *item.pose.quaternion_wxyz, float(item.settled)]
-        text = "|".join([self.gripper, self.held or "", *(item.id for item in self.objects)])
+        text = "|".join([self.gripper, self.held or "", *[item.id for item in self.objects]])
         packed = struct.pack(f"<{len(numbers)}d", *numbers)
         return hashlib.sha256(packed + text.encode()).hexdigest()[:16]
 
@@ -234,8 +234,8 @@ class Robot(Protocol):
         Raises `SimError` when the segments do not fill a tick or a direction is longer than 1.
         """
 
-    def advance(self) -> None:
-        """Advance by one slice (1/30 s)."""
+    def advance(self, slices: int = 1) -> None:
+        """Advance by so many slices (1/30 s each), at least one, to the very state that as many calls lead to."""
 
     def observe(self) -> WorldState:
         """The world as it is now."""
@@ -250,8 +250,7 @@ class Robot(Protocol):
 def run_tick(robot: Robot, command: RobotCommand) -> tuple[MotionVerdict, WorldState]:
     """Command one whole tick and advance through it."""
     verdict = robot.command(command)
-    for _ in range(SLICES_PER_TICK):
-        robot.advance()
+    robot.advance(SLICES_PER_TICK)
     return verdict, robot.observe()
 
 

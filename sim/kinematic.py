@@ -135,22 +135,30 @@ class KinematicRobot:
             self._gripper_slices_left = fetch.GRIPPER_SLICES
             if not self._closing:
                 self._release()
-        self._near = self._within(command.speed_m_s * TICK_S) if self._path else ()
+        self._near = self._within_reach(command.speed_m_s * TICK_S) if self._path else ()
         return verdict
 
-    def advance(self) -> None:
-        """Advance by one slice. Raises `SimError` before the first `reset`."""
+    def advance(self, slices: int = 1) -> None:
+        """Advance by so many slices. Raises `SimError` before the first `reset`."""
         self._world()
-        self._slice += 1
-        if self._path:
-            self._move(self._path.pop())
-        if self._gripper_slices_left:
-            self._gripper_slices_left -= 1
-            self._move_fingers()
+        end = self._slice + slices
+        if self._path and not (self._near or self._held or self._gripper_slices_left):
+            # Nothing to meet on the way: only its end matters.
+            self._slice, self._position = end, self._path[-slices:][0]
+            del self._path[-slices:]
+        while self._slice < end and (self._path or self._gripper_slices_left):
+            self._slice += 1
+            if self._path:
+                self._move(self._path.pop())
+            if self._gripper_slices_left:
+                self._gripper_slices_left -= 1
+                self._move_fingers()
+        self._slice = end
 
     def observe(self) -> WorldState:
         """The world as it is now. Raises `SimError` before the first `reset`."""
         self._world()
+        self._carry()
         return WorldState(
             time_s=self._slice * SLICE_S,
             position_world_gripper_m=self._position,
@@ -159,7 +167,7 @@ class KinematicRobot:
             gripper=self._gripper_state(),
             held=self._held.placed.spec.id if self._held else None,
             lagging=self._lagging,
-            objects=tuple(thing.state(self._slice) for thing in self._things),
+            objects=tuple([thing.state(self._slice) for thing in self._things]),
         )
 
     def feasible(self, displacements_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -187,19 +195,27 @@ class KinematicRobot:
         return "closed" if self._closing else "open"
 
     def _move(self, target: Vector3) -> None:
-        if self._held:
-            x_m, y_m, z_m = (here + offset for here, offset in zip(target, self._held_offset_m, strict=True))
-            table = self._world().table
-            base_m = z_m - self._held.placed.spec.size_m[2] / 2.0
-            if target[2] < self._position[2] and base_m < table.top_z_m - 1e-9 and table.covers(x_m, y_m):
-                self._lagging = True
-                self._path.clear()
-                return
-            self._held.put(Pose((x_m, y_m, z_m), self._held.pose.quaternion_wxyz))
+        if self._held and target[2] < self._position[2] and self._meets_table(self._held, target):
+            self._lagging = True
+            self._path.clear()
+            return
         before, self._position = self._position, target
         for thing in self._near:
             if thing.standing and thing is not self._held and self._depth_m(thing) > KNOCK_DEPTH_M:
                 self._knock_over(thing, (target[0] - before[0], target[1] - before[1]))
+
+    def _meets_table(self, held: _Thing, target: Vector3) -> bool:
+        """Whether the held object would be pushed into the table with the gripper there."""
+        table = self._world().table
+        x_m, y_m, z_m = _plus(target, self._held_offset_m)
+        return z_m - held.placed.spec.size_m[2] / 2.0 < table.top_z_m - 1e-9 and table.covers(x_m, y_m)
+
+    def _carry(self) -> None:
+        """The held object goes where the gripper went; nobody looks at it on the way."""
+        if self._held:
+            place = _plus(self._position, self._held_offset_m)
+            if place != self._held.pose.position_world_m:
+                self._held.put(Pose(place, self._held.pose.quaternion_wxyz))
 
     def _move_fingers(self) -> None:
         if not self._closing:
@@ -221,25 +237,29 @@ class KinematicRobot:
                 self._held = thing
                 self._held_offset_m = (x_m, 0.0, z_m)
                 thing.busy_until = math.inf
-                place = (self._position[0] + x_m, self._position[1], self._position[2] + z_m)
-                thing.put(Pose(place, thing.pose.quaternion_wxyz))
+                self._carry()
                 return
             if _FINGER_BACK_M - half_m < x_m < _FINGER_FRONT_M + half_m:
                 self._knock_over(thing, (x_m, y_m))
 
-    def _within(self, way_m: float) -> tuple[_Thing, ...]:
-        """The standing objects that gripper or carried object can reach into during a tick of that way."""
+    def _within_reach(self, way_m: float) -> tuple[_Thing, ...]:
+        """The standing objects that gripper or carried object can knock over during a tick of that way."""
         x_m, y_m, _ = self._position
+        most_m = way_m + ik.ROUNDING_M
         behind_m, ahead_m, beside_m = (
-            bound + way_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
+            bound + most_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
         )
         return tuple(
-            thing
-            for thing in self._things
-            if thing.standing
-            and thing is not self._held
-            and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
-            and abs(thing.pose.position_world_m[1] - y_m) < beside_m
+            [
+                thing
+                for thing in self._things
+                if abs(thing.pose.position_world_m[1] - y_m) < beside_m
+                and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
+                and thing.standing
+                and thing is not self._held
+                # Fingers that move may reach further than the way.
+                and (self._gripper_slices_left or self._depth_m(thing, at_any_height=True) > KNOCK_DEPTH_M - most_m)
+            ]
         )
 
     def _offset_m(self, thing: _Thing) -> Vector3:
@@ -247,24 +267,25 @@ class KinematicRobot:
         here, there = self._position, thing.pose.position_world_m
         return there[0] - here[0], there[1] - here[1], there[2] - here[2]
 
-    def _depth_m(self, thing: _Thing) -> float:
-        """How far gripper or carried object reach into a standing object's footprint; negative = clear of it."""
+    def _depth_m(self, thing: _Thing, at_any_height: bool = False) -> float:
+        """How far gripper or carried object reach into a standing object's footprint; negative = clear of it, as they
+        are above it or below, unless that does not count."""
         x_m, y_m, z_m = self._offset_m(thing)
         size_x_m, size_y_m, size_z_m = thing.placed.spec.size_m
         radius_m, half_z_m = min(size_x_m, size_y_m) / 2.0, size_z_m / 2.0
         gap_m = math.inf
-        if abs(z_m) < half_z_m + _FINGER_HALF_HEIGHT_M:
+        if at_any_height or abs(z_m) < half_z_m + _FINGER_HALF_HEIGHT_M:
             beside_m = (
                 abs(abs(y_m) - self._opening_m / 2.0 - fetch.FINGER_SIZE_M[1] / 2.0) - fetch.FINGER_SIZE_M[1] / 2.0
             )
             gap_m = math.hypot(max(_FINGER_BACK_M - x_m, x_m - _FINGER_FRONT_M, 0.0), max(beside_m, 0.0))
-        if abs(z_m) < half_z_m + _PALM_HALF_HEIGHT_M:
+        if at_any_height or abs(z_m) < half_z_m + _PALM_HALF_HEIGHT_M:
             along_m = max(_PALM_BACK_M - x_m, x_m - _PALM_FRONT_M, 0.0)
             gap_m = min(gap_m, math.hypot(along_m, max(abs(y_m) - _PALM_HALF_WIDTH_M, 0.0)))
         if self._held:
             carried = self._held.placed.spec
             dx_m, dy_m, dz_m = self._held_offset_m
-            if abs(z_m - dz_m) < half_z_m + carried.size_m[2] / 2.0:
+            if at_any_height or abs(z_m - dz_m) < half_z_m + carried.size_m[2] / 2.0:
                 between_m = math.hypot(x_m - dx_m, y_m - dy_m) - min(carried.size_m[0], carried.size_m[1]) / 2.0
                 gap_m = min(gap_m, between_m)
         return radius_m - gap_m
@@ -293,6 +314,7 @@ class KinematicRobot:
         thing.put(Pose((x_m, y_m, below_m + half_thick_m), turn))
 
     def _release(self) -> None:
+        self._carry()
         thing, self._held = self._held, None
         if thing is None:
             return
@@ -307,3 +329,7 @@ class KinematicRobot:
             thing.put(Pose((x_m, y_m, scene.table.top_z_m + half_z_m), upright))
         else:
             self._lay(thing, x_m, y_m, (1.0, 0.0))
+
+
+def _plus(first_m: Vector3, second_m: Vector3) -> Vector3:
+    return first_m[0] + second_m[0], first_m[1] + second_m[1], first_m[2] + second_m[2]

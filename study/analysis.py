@@ -1,7 +1,7 @@
 """The paper's analysis (V-B) of a loaded data set: which values are compared, by which model, as plain results.
 
     analyse(dataset) -> Analysis          everything the report shows
-    observations(...), compare(...)       one measure at a time, for whoever runs many studies
+    compare(...)                          one measure at a time, for whoever runs many studies
 
 Objective measures are compared task by task (belief gain: window by window) as in the paper, with a mixed model beside
 the ANOVA, because tasks of one participant are not independent. Window rate, usability and workload have one value
@@ -10,7 +10,7 @@ per participant and condition and are compared within participants: F(k - 1, (k 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,8 +18,9 @@ from study import effects, statistics
 from study.dataset import DataSet
 from study.effects import NotFitted
 from study.instruments import Instrument
-from study.measures import Kind, Measures, Summary, SurveyScore, summary, window_rates
+from study.measures import Kind, Measures, Summary, summary
 from study.mixed import MixedModel, mixed_model
+from study.observations import Observation, observations, survey_observations
 from study.questionnaires import own_instruments
 from study.statistics import Anova, Pair, RepeatedMeasures, Slope
 
@@ -54,18 +55,6 @@ MEASURES: dict[str, MeasureInfo] = {
 }
 OBJECTIVE: tuple[MeasureId, ...] = ("belief_gain", "convergence_user_actions", "efficiency_ticks")
 COMPARED_KINDS: tuple[Kind, ...] = ("pickup", "all")
-
-
-@dataclass(frozen=True)
-class Observation:
-    """One value and what it belongs to."""
-
-    value: float
-    condition: str
-    participant: str
-    position: int
-    goal: str
-    goals: int
 
 
 @dataclass(frozen=True)
@@ -130,40 +119,6 @@ def analyse(data: DataSet) -> Analysis:
         for name in sorted({item.instrument for item in data.scores})
     ]
     return Analysis(data, tuple(comparisons), goal_trends(data.measures, conditions))
-
-
-# ---- which values ---------------------------------------------------------------------------------------------------
-
-
-def observations(measures: Measures, measure: str, kind: Kind) -> tuple[Observation, ...]:
-    """The values of an objective measure: tasks that converged, windows that count, rates per participant."""
-    found: list[Observation] = []
-    if measure == "window_rate":
-        return tuple(
-            Observation(rate.rate, rate.condition, rate.participant, rate.position, "", 0)
-            for rate in window_rates(measures, kind)
-        )
-    if measure == "belief_gain":
-        for window in measures.gains(kind):
-            if window.gain is not None:
-                place = (window.condition, window.participant, window.position, window.goal, window.goals)
-                found.append(Observation(window.gain, *place))
-        return tuple(found)
-    for task in measures.analysed_tasks(kind):
-        value = task.efficiency_ticks if measure == "efficiency_ticks" else task.convergence_user_actions
-        if value is not None:
-            place = (task.condition, task.participant, task.position, task.goal, task.goals)
-            found.append(Observation(float(value), *place))
-    return tuple(found)
-
-
-def survey_observations(scores: Iterable[SurveyScore], instrument: str) -> tuple[Observation, ...]:
-    """One score per participant and condition."""
-    return tuple(
-        Observation(item.score, item.condition, item.participant, item.position, "", 0)
-        for item in scores
-        if item.instrument == instrument
-    )
 
 
 # ---- by which model -------------------------------------------------------------------------------------------------

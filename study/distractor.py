@@ -10,8 +10,10 @@ On one screen (`same_page_away`) the pad is ignored from the moment a reading ap
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, cast
 
 from study.parts import DistractorSettings
@@ -75,21 +77,26 @@ class DistractorState:
 
         `reading` gives the text of an alert (`design.reading` with the trial's plan).
         """
-        if self.is_over or not self.settings.enabled:
-            return self, ()
         state, changed = self, []
-        while True:
+        while trial_s >= state.next_change_s:
             waiting, coming = state.open_alert, len(state.alerts) + 1
-            if waiting and trial_s >= state.deadline_s(waiting.alert):
+            if waiting:
                 closed = replace(waiting, status="expired")
                 state = state._with(closed)
                 changed.append(closed)
-            elif trial_s >= state.due_s(coming):
+            else:
                 raised = Alert(coming, reading(coming), state.due_s(coming))
                 state = replace(state, alerts=(*state.alerts, raised))
                 changed.append(raised)
-            else:
-                return state, tuple(changed)
+        return state, tuple(changed)
+
+    @cached_property
+    def next_change_s(self) -> float:
+        """Trial time at which the open alert expires, or else the next one is raised; infinite when nothing will."""
+        if self.is_over or not self.settings.enabled:
+            return math.inf
+        waiting = self.open_alert
+        return self.deadline_s(waiting.alert) if waiting else self.due_s(len(self.alerts) + 1)
 
     def answer(self, number: int, value: str, trial_s: float, utc: str) -> tuple[DistractorState, AnswerResult]:
         """Log what was typed. Anything but `accepted` leaves the state as it is (see `AnswerResult`)."""

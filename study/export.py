@@ -20,14 +20,18 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from study.package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
 from study.questionnaires import asked
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
-from study.store import Snapshot, Store
 from study.study_file import parse_toml
+
+if TYPE_CHECKING:  # simulated studies are exported too, and need no database
+    from study.store import Snapshot, Store
 
 META_NAME = "meta.json"
 FORMAT = "shared-autonomy-lab export"
@@ -41,6 +45,8 @@ def _text(value: object) -> str:
 
 
 _WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
+_BATCH_ROWS = 20_000
+"""Rows that are written at a time, column by column: the groups of rows in the Parquet files."""
 _PARSERS: Mapping[str, Any] = {"int": int, "float": float, "str": str}
 _NOUNS = {"int": "a whole number", "float": "a number", "str": "text"}
 
@@ -258,23 +264,26 @@ def _put(folder: Path, name: str, text: str) -> None:
 def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
     """Write the rows as CSV and Parquet while they stream by; how many there were."""
     row_type = TABLES[table]
-    casts = [(info.name, _WRITERS[info.type]) for info in columns(table)]
-    count = 0
+    names, casts = [info.name for info in columns(table)], [_WRITERS[info.type] for info in columns(table)]
+    fields, stream, count = attrgetter(*names), iter(rows), 0
     with (
         (folder / f"{table}.csv").open("w", encoding="utf-8", newline="") as file,
         ParquetTable(folder / f"{table}.parquet", table) as parquet,
     ):
         lines = csv.writer(file, lineterminator="\n")
-        lines.writerow([name for name, _ in casts])
-        for row in rows:
-            if not isinstance(row, row_type):
-                raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
-            count += 1
-            given = vars(row)
+        lines.writerow(names)
+        while batch := list(islice(stream, _BATCH_ROWS)):
+            for row in batch:
+                if not isinstance(row, row_type):
+                    raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
             # Through the column's own type, so that a numpy number or a bool is written as the number it is.
-            values = [None if given[name] is None else cast(given[name]) for name, cast in casts]
-            lines.writerow(values)
-            parquet.add(values)
+            cells = [
+                [None if value is None else cast(value) for value in column]
+                for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)
+            ]
+            lines.writerows(zip(*cells, strict=True))
+            parquet.add(cells)
+            count += len(batch)
     return count
 
 

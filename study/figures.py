@@ -21,8 +21,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from study.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend, Observation
+from study.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
 from study.measures import Kind
+from study.observations import Observation
 
 MM = 1.0 / 25.4
 PNG_DPI = 300

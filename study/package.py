@@ -35,7 +35,6 @@ _FILES: Mapping[str, str] = {
     "meta.json": "Schema version, machines with the versions of the software, counts of rows",
     "questionnaires.json": "Items, anchors, direction, scoring and source of every questionnaire and form",
 }
-_BATCH_ROWS = 20_000
 
 _FRICTIONLESS_TYPES: Mapping[str, str] = {"int": "integer", "float": "number", "str": "string"}
 _PARQUET_TYPES: Mapping[str, pa.DataType] = {"int": pa.int64(), "float": pa.float64(), "str": pa.string()}
@@ -155,36 +154,25 @@ class ParquetTable:
     def __init__(self, path: Path, table: str) -> None:
         self._infos = columns(table)
         self._schema = pa.schema([_parquet_field(info) for info in self._infos])
-        self._times = frozenset(n for n, info in enumerate(self._infos) if info.unit == UTC)
-        self._rows: list[list[Any]] = []
         self._writer = parquet.ParquetWriter(path, self._schema)
 
     def __enter__(self) -> ParquetTable:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._flush()
         self._writer.close()
 
-    def add(self, values: list[Any]) -> None:
-        """The next row: a value or None for each column. Raises `ValueError` for a time of day that is none."""
-        self._rows.append(
-            [
-                datetime.fromisoformat(value.replace("Z", "+00:00")) if n in self._times and value else value
-                for n, value in enumerate(values)
-            ]
-        )
-        if len(self._rows) >= _BATCH_ROWS:
-            self._flush()
+    def add(self, cells: Sequence[Sequence[Any]]) -> None:
+        """The next rows, column by column: values or None. Raises `ValueError` for a time of day that is none."""
+        arrays = [
+            pa.array(map(_time, column) if info.unit == UTC else column, type=field.type)
+            for info, field, column in zip(self._infos, self._schema, cells, strict=True)
+        ]
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
-    def _flush(self) -> None:
-        if self._rows:
-            arrays = [
-                pa.array(cells, type=field.type)
-                for cells, field in zip(zip(*self._rows, strict=True), self._schema, strict=True)
-            ]
-            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
-            self._rows.clear()
+
+def _time(utc: str | None) -> datetime | None:
+    return None if utc is None else datetime.fromisoformat(utc.replace("Z", "+00:00"))
 
 
 def _parquet_field(info: ColumnInfo) -> pa.Field:

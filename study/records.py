@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from typing import Any, Literal, get_args, get_type_hints
 
 SCHEMA_VERSION = 1
@@ -21,11 +22,17 @@ class StudyError(ValueError):
 
 
 UTC = "ISO 8601 UTC"
-"""The unit of a time of day; it is written as text such as 2026-01-31T09:30:00.000+00:00."""
+"""The unit of a time of day; it is written as `utc_text` does."""
 YES_NO = "0/1"
 """The unit of what is so (1) or not (0)."""
 OVERRUN_MS = 50.0
 """A tick that starts later than this after its deadline is an overrun."""
+
+
+def utc_text(unix_s: float) -> str:
+    """A time of day with milliseconds, such as 2026-01-31T09:30:00.000Z."""
+    text = datetime.fromtimestamp(unix_s, timezone.utc).isoformat(timespec="milliseconds")
+    return text.replace("+00:00", "Z")
 
 
 def column(

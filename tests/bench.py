@@ -1,6 +1,6 @@
-"""Figures, not tests: `python -m tests.bench [PART ...] [--all]`, which is what `make bench` runs.
+"""Figures, not tests: `python -m tests.bench [PART ...]`, which is what `make bench` runs.
 
-Without arguments the short parts run (about two minutes); the long ones run when they are named, or all with `--all`.
+Without arguments all parts run (about five minutes), except the one that takes as long again: name it, or say `--all`.
 """
 
 from __future__ import annotations
@@ -65,34 +65,45 @@ def analysis() -> Iterable[Figure]:
 
 
 def replication() -> Iterable[Figure]:
-    """two hundred simulated studies on two cores"""
+    """many simulated studies on one core and on two, from a sample"""
     from tests.bench_study import replication_figures
 
     return replication_figures()
 
 
-SHORT: Mapping[str, Callable[[], Iterable[Figure]]] = {
-    part.__name__: part for part in (decision, robots, live, lockstep)
+def whole() -> Iterable[Figure]:
+    """two hundred simulated studies on two cores, all of them"""
+    from tests.bench_study import whole_figures
+
+    return whole_figures()
+
+
+PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
+    part.__name__: part for part in (decision, robots, live, lockstep, study, analysis, replication, whole)
 }
-LONG: Mapping[str, Callable[[], Iterable[Figure]]] = {part.__name__: part for part in (study, analysis, replication)}
-PARTS = {**SHORT, **LONG}
+ON_REQUEST = ("whole",)
 
 
 def main() -> None:
     """Run the parts that were asked for, one table each."""
-    about = "\n".join(f"  {name:12} {part.__doc__}{' (long)' if name in LONG else ''}" for name, part in PARTS.items())
+    about = "\n".join(
+        f"  {name:12} {part.__doc__}{' (on request)' if name in ON_REQUEST else ''}" for name, part in PARTS.items()
+    )
     parser = argparse.ArgumentParser(
         prog="python -m tests.bench",
         description=f"Measure.\n\n{about}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], metavar="PART", help="which; the short ones if none")
-    parser.add_argument("--all", action="store_true", help="the long ones too")
+    parser.add_argument(
+        "parts", nargs="*", choices=[*PARTS, []], metavar="PART", help="which; all but those on request if none"
+    )
+    parser.add_argument("--all", action="store_true", help="those on request too")
     options = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the lab's workers do
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     print(f"load before: {os.getloadavg()[0]:.1f}")
-    for name in list(PARTS) if options.all else options.parts or list(SHORT):
+    usual = [name for name in PARTS if name not in ON_REQUEST]
+    for name in list(PARTS) if options.all else options.parts or usual:
         print(f"\n{PARTS[name].__doc__}\n  $ python -m tests.bench {name}", flush=True)
         started_s = time.perf_counter()
         for figure in PARTS[name]():

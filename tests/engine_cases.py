@@ -248,15 +248,16 @@ class StagedRobot:
             self.gripper = "open" if command.gripper == "open" else "closed"
         return verdict
 
-    def advance(self) -> None:
-        direction = self._path.pop(0).direction
-        way_m = self._speed_m_s * SLICE_S
-        x_m, y_m, z_m = self.position_m
-        self.position_m = (x_m + way_m * direction[0], y_m + way_m * direction[1], z_m + way_m * direction[2])
-        self._slices += 1
-        tick, left = divmod(self._slices, SLICES_PER_TICK)
-        if left == 0 and tick - 1 in self._stages:
-            self._stages[tick - 1](self)
+    def advance(self, slices: int = 1) -> None:
+        for _ in range(slices):
+            direction = self._path.pop(0).direction
+            way_m = self._speed_m_s * SLICE_S
+            x_m, y_m, z_m = self.position_m
+            self.position_m = (x_m + way_m * direction[0], y_m + way_m * direction[1], z_m + way_m * direction[2])
+            self._slices += 1
+            tick, left = divmod(self._slices, SLICES_PER_TICK)
+            if left == 0 and tick - 1 in self._stages:
+                self._stages[tick - 1](self)
 
     def observe(self) -> WorldState:
         return WorldState(

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from study.analysis import Analysis, analyse, compare, observations
+from study.analysis import Analysis, analyse, compare
 from study.dataset import load
 from study.effects import NotFitted
 from study.export import write_tables
+from study.observations import observations
 from study.records import StudyError
 from study.statistics import RepeatedMeasures
 from tests.analysis_samples import DataSet, Wanted, data_set

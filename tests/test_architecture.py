@@ -36,9 +36,9 @@ MODULES = {
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
-        app.trial app.trial_values app.progress app.motion app.outcomes app.hands app.parts app.heatmap app.cycles
-        app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console
-        app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
+        app.trial app.trial_values app.progress app.goals app.motion app.outcomes app.hands app.parts app.heatmap
+        app.cycles app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants
+        app.console app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
         app.recent app.remarks app.words app.insight app.round_trips app.recruiter
@@ -59,7 +59,7 @@ MODULES = {
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
         study.overview
         study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
-        study.quality study.eligibility study.recruiting
+        study.observations study.quality study.eligibility study.recruiting
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

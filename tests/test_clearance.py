@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.autonomy.actions import ACTION_COUNT, NULL_ACTION, UNIT_DIRECTIONS
-from sim.clearance import clear
+from sim.clearance import clearance
 from sim.interface import SceneSpec, WorldState, run_tick, steady, still
 from sim.kinematic import KinematicRobot
 from sim.layouts import LAYOUTS, scene
@@ -26,6 +26,12 @@ def world_at(spec: SceneSpec) -> WorldState:
     robot = KinematicRobot()
     robot.reset(spec)
     return robot.observe()
+
+
+def clear(world: WorldState, spec: SceneSpec, ways_m: np.ndarray) -> np.ndarray:
+    """Which of the displacements, shape (N, 3), push nothing over; shape (N,)."""
+    allows = clearance(world, spec)
+    return np.array([allows((x_m, y_m, z_m)) for x_m, y_m, z_m in ways_m.tolist()])
 
 
 def test_far_from_everything_all_is_clear() -> None:

@@ -91,12 +91,12 @@ class Watched(KinematicRobot):
         self.slices_s: list[float] = []
         self._slow = (slow_tick * SLICES_PER_TICK, slow_s)
 
-    def advance(self) -> None:
+    def advance(self, slices: int = 1) -> None:
         assert self.pipe is not None
         if len(self.slices_s) == self._slow[0]:
             self.pipe.now_s += self._slow[1]
-        self.slices_s.append(self.pipe.now_s)
-        super().advance()
+        self.slices_s += [self.pipe.now_s] * slices
+        super().advance(slices)
 
 
 def test_the_slices_of_a_tick_are_spread_over_it(monkeypatch: pytest.MonkeyPatch) -> None:

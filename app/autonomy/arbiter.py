@@ -43,8 +43,8 @@ from app.autonomy.arrays import (
 )
 from app.autonomy.belief import bayes_update, belief_entropy, log_softmax
 from app.autonomy.errors import AutonomyError
-from app.autonomy.hindsight import goal_rewards_m
-from app.autonomy.information import expected_information_gain
+from app.autonomy.hindsight import rewards_of_moves_m
+from app.autonomy.information import information_gain_ahead
 from app.autonomy.transition import TransitionModel
 
 Condition = Literal["teleoperation", "goal_oriented", "balanced"]
@@ -216,15 +216,15 @@ def evaluate(
     allowed = _allowed(feasible, user_index)
     model, rationality_per_m = parameters.transition, parameters.rationality_per_m
 
-    rewards_m = goal_rewards_m(position, moving, goals, model)  # (27, G)
+    next_positions_m = position + model.displacements(moving)  # (27, 3)
+    rewards_m = rewards_of_moves_m(position, next_positions_m, goals)  # R_phi(x, u), eq. 1: (27, G)
     log_likelihoods = log_softmax(rationality_per_m * rewards_m, axis=0)
     posterior = belief.copy() if user_index is None else bayes_update(belief, log_likelihoods[user_index])
     entropy = belief_entropy(posterior)
 
-    information_gain = expected_information_gain(position, moving, goals, posterior, model, rationality_per_m)
-    score, hindsight_reward = _score(
-        position, moving, goals, rewards_m, posterior, user_index, parameters, information_gain
-    )
+    information_gain = information_gain_ahead(next_positions_m, goals, posterior, model, rationality_per_m)
+    hindsight_reward = rewards_m @ posterior  # R_HO(x, u), eq. 7
+    score = _score(hindsight_reward, information_gain, entropy, user_index, parameters)
     previous = nearest_action(moving)
     selection_bonus = np.zeros(ACTION_COUNT)
     if previous is not None and user_index is None:
@@ -232,7 +232,7 @@ def evaluate(
     if parameters.condition == "teleoperation":
         chosen = NULL_ACTION if user_index is None else user_index
     else:
-        chosen = select(score + selection_bonus, previous, allowed)
+        chosen = select(np.where(allowed, score + selection_bonus, -np.inf), previous)
     return Evaluation(
         likelihood=frozen(np.exp(log_likelihoods)),
         posterior=frozen(posterior),
@@ -282,47 +282,50 @@ def choose(
     belief = np.full(goal_count, 1.0 / goal_count) if prior is None else checked_probabilities(prior, goal_count)
     if parameters.condition == "teleoperation" and user_index is None:
         return Choice(frozen(belief.copy()), NULL_ACTION)
-    model = parameters.transition
-    rewards_m = goal_rewards_m(position_m, momentum, goals, model)
+    model, rationality_per_m = parameters.transition, parameters.rationality_per_m
+    position = checked_point_m("position_m", position_m)
+    next_positions_m = position + model.displacements(momentum)
+    rewards_m = rewards_of_moves_m(position, next_positions_m, goals)
     if user_index is not None:
-        belief = bayes_update(belief, log_softmax(parameters.rationality_per_m * rewards_m, axis=0)[user_index])
+        belief = bayes_update(belief, log_softmax(rationality_per_m * rewards_m, axis=0)[user_index])
         if parameters.condition == "teleoperation" or _cannot_be_outbid(parameters):
             return Choice(frozen(belief), user_index)
-    values = _score(position_m, momentum, goals, rewards_m, belief, user_index, parameters)[0]
+    information_gain = None
+    if _information_weight(parameters) > 0.0:
+        information_gain = information_gain_ahead(next_positions_m, goals, belief, model, rationality_per_m)
+    values = _score(rewards_m @ belief, information_gain, belief_entropy(belief), user_index, parameters)
     previous = nearest_action(momentum)
     if previous is not None and user_index is None:
         values[previous] += parameters.stickiness
-    allowed = np.ones(ACTION_COUNT, dtype=np.bool_)
     while True:
-        chosen = select(values, previous, allowed)
-        if not allowed.any() or chosen == user_index or feasible is None or feasible(chosen):
+        chosen = select(values, previous)
+        nothing_left = values[chosen] == -np.inf
+        if nothing_left or chosen == user_index or feasible is None or feasible(chosen):
             return Choice(frozen(belief.copy()), chosen)
-        allowed[chosen] = False
+        values[chosen] = -np.inf
+
+
+def _information_weight(parameters: ArbiterParameters) -> float:
+    """alpha, which ``goal_oriented`` takes for 0."""
+    return 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
 
 
 def _score(
-    position_m: npt.ArrayLike,
-    momentum: npt.ArrayLike,
-    goals: FloatArray,
-    rewards_m: FloatArray,
-    posterior: FloatArray,
+    hindsight_reward: FloatArray,
+    information_gain: FloatArray | None,
+    entropy: float,
     user_index: int | None,
     parameters: ArbiterParameters,
-    information_gain: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """The whole sum for all 27 actions, and R_HO; information is worked out if it has a weight and is not given."""
-    f1, f2 = entropy_weights(belief_entropy(posterior), parameters.entropy_floor)
-    hindsight_reward = rewards_m @ posterior
+) -> FloatArray:
+    """The whole sum for all 27 actions; information is not looked at when it has no weight."""
+    f1, f2 = entropy_weights(entropy, parameters.entropy_floor)
     score = parameters.beta * f2 * hindsight_reward
-    alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
-    if alpha > 0.0:
-        if information_gain is None:
-            information_gain = expected_information_gain(
-                position_m, momentum, goals, posterior, parameters.transition, parameters.rationality_per_m
-            )
+    alpha = _information_weight(parameters)
+    if alpha > 0.0 and information_gain is not None:
         score += alpha * f1 * information_gain
-    score += parameters.gamma * disagreement(user_index)
-    return score, hindsight_reward
+    if user_index is not None:
+        score += parameters.gamma * disagreement(user_index)
+    return score
 
 
 def _cannot_be_outbid(parameters: ArbiterParameters) -> bool:
@@ -346,13 +349,13 @@ def decide(
     return Decision(evaluation.chosen, DIRECTIONS[evaluation.chosen], evaluation)
 
 
-def select(values: FloatArray, previous: int | None, allowed: BoolArray) -> int:
-    """The best of ``values`` (27,) among ``allowed`` (27,): ties go to ``previous``, else to the lowest
-    index; with nothing allowed, stay."""
-    if not allowed.any():
+def select(values: FloatArray, previous: int | None) -> int:
+    """The best of ``values`` (27,), -inf for what cannot be done: ties go to ``previous``, else to the lowest
+    index; with nothing left, stay."""
+    most = values.max()
+    if most == -np.inf:
         return NULL_ACTION
-    masked = np.where(allowed, values, -np.inf)
-    best = masked >= masked.max() - TIE_TOLERANCE
+    best = values >= most - TIE_TOLERANCE
     if previous is not None and best[previous]:
         return previous
     return int(best.argmax())

@@ -133,9 +133,12 @@ def distances_m(points_m: FloatArray, goals_m: FloatArray) -> FloatArray:
     From differences, never from expanded squares: those lose eight digits next to a goal. One axis at a time, which
     is twice as fast as a sum over a last axis of three.
     """
-    squares = np.zeros((*points_m.shape[:-1], goals_m.shape[0]))
-    for axis in range(3):
-        offsets = points_m[..., axis, None] - goals_m[:, axis]  # (..., G)
-        offsets *= offsets
-        squares += offsets
-    return np.sqrt(squares, out=squares)
+    x = points_m[..., 0, None] - goals_m[:, 0]  # (..., G)
+    y = points_m[..., 1, None] - goals_m[:, 1]
+    z = points_m[..., 2, None] - goals_m[:, 2]
+    x *= x
+    y *= y
+    z *= z
+    x += y
+    x += z
+    return np.sqrt(x, out=x)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -63,6 +64,12 @@ def log_likelihood(
     return log_softmax(rationality_per_m * goal_rewards_m(position, momentum, goals_m, model), axis=-2)
 
 
+@cache
+def log_of_count(goal_count: int) -> float:
+    """log |Phi|, which turns nats into units of base |Phi|."""
+    return float(np.log(goal_count))
+
+
 def belief_entropy(probabilities: FloatArray) -> float:
     """H(b) = -sum b log_|Phi| b, eq. 8, in [0, 1]; 0 log 0 = 0, and a single goal has no entropy. (G,) ->
     scalar."""
@@ -70,7 +77,7 @@ def belief_entropy(probabilities: FloatArray) -> float:
     if goal_count == 1:
         return 0.0
     possible = probabilities[probabilities > 0.0]
-    entropy = -float((possible * np.log(possible)).sum()) / float(np.log(goal_count))
+    entropy = -float((possible * np.log(possible)).sum()) / log_of_count(goal_count)
     return min(max(0.0, entropy), 1.0)  # in this order: of a zero and a negative zero the first is returned
 
 
@@ -79,15 +86,22 @@ def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArra
 
     (G,), (G,) -> (G,). Works in logs; ends with ``PROBABILITY_FLOOR`` for goals whose prior is not 0.
     """
-    possible = prior > 0.0
-    log_posterior = np.log(prior, out=np.full(prior.shape, -np.inf), where=possible) + log_likelihood_row
+    log_posterior = _log(prior) + log_likelihood_row
     posterior: FloatArray = np.exp(log_posterior - log_posterior.max())
     posterior /= posterior.sum()
-    too_low = possible & (posterior < PROBABILITY_FLOOR)
-    if too_low.any():
-        posterior[too_low] = PROBABILITY_FLOOR
-        posterior /= posterior.sum()
+    if posterior.min() < PROBABILITY_FLOOR:
+        too_low = (prior > 0.0) & (posterior < PROBABILITY_FLOOR)
+        if too_low.any():
+            posterior[too_low] = PROBABILITY_FLOOR
+            posterior /= posterior.sum()
     return posterior
+
+
+def _log(probabilities: FloatArray) -> FloatArray:
+    """log b, with log 0 = -inf and no warning."""
+    if probabilities.all():
+        return np.log(probabilities)
+    return np.log(probabilities, out=np.full(probabilities.shape, -np.inf), where=probabilities > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +152,7 @@ class Belief:
             raise AutonomyError(f"log_likelihood_row is {row.tolist()}; it must be {len(self.goal_ids)} finite numbers")
         return Belief(self.goal_ids, bayes_update(self.probabilities, row))
 
-    @property
+    @cached_property
     def entropy(self) -> float:
         """H(b), eq. 8, to base |Phi|: 0 when certain or with one goal, 1 when uniform."""
         return belief_entropy(self.probabilities)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import numpy.typing as npt
 
 from app.autonomy.arrays import (
@@ -28,8 +29,18 @@ def goal_rewards_m(
     """
     positions_m = checked_points_m("position_m", position_m)
     goals = checked_goals_m(goals_m)
-    next_positions_m = model.next_positions(positions_m, momentum)  # (..., 27, 3)
-    return distances_m(positions_m, goals)[..., None, :] - distances_m(next_positions_m, goals)
+    from_m = positions_m[..., None, :]
+    return rewards_of_moves_m(from_m, from_m + model.displacements(momentum), goals)
+
+
+def rewards_of_moves_m(from_m: FloatArray, to_m: FloatArray, goals_m: FloatArray) -> FloatArray:
+    """Eq. 1 of checked values: how much nearer to each goal a move leads, (..., 3), (..., 3), (G, 3) -> (..., G),
+    metres; shapes of ``from_m`` and ``to_m`` broadcast."""
+    if from_m.ndim == 1 and to_m.ndim == 2:  # one place, as in every tick: all distances in one go
+        distances: FloatArray = distances_m(np.concatenate((from_m[None], to_m)), goals_m)
+        rewards_m: FloatArray = distances[0] - distances[1:]
+        return rewards_m
+    return distances_m(from_m, goals_m) - distances_m(to_m, goals_m)
 
 
 def hindsight_reward(

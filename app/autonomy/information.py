@@ -15,15 +15,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from app.autonomy.actions import UNIT_DIRECTIONS
 from app.autonomy.arrays import (
     FloatArray,
+    check_rationality,
     checked_goals_m,
     checked_momenta,
     checked_points_m,
     checked_probabilities,
 )
-from app.autonomy.belief import belief_entropy, log_likelihood
+from app.autonomy.belief import belief_entropy, log_likelihood, log_of_count, log_softmax
+from app.autonomy.hindsight import rewards_of_moves_m
 from app.autonomy.transition import TransitionModel
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
@@ -31,16 +32,16 @@ _PLACES_A_BATCH = 2048
 
 
 def mutual_information(log_likelihoods: FloatArray, probabilities: FloatArray) -> FloatArray:
-    """Eq. 11 in closed form: log P(u | phi, x') as (..., 27, G) and b as (G,) -> (...,), in [0, H(b)]."""
+    """Eq. 11 in closed form: log P(u | phi, x') as (27, ..., G) and b as (G,) -> (...,), in [0, H(b)]."""
     goal_count = probabilities.shape[0]
     if goal_count == 1:
-        return np.zeros(log_likelihoods.shape[:-2])
+        return np.zeros(log_likelihoods.shape[1:-1])
     likelihoods = np.exp(log_likelihoods)
     # An action that underflows for every possible goal has p(u) = 0 and adds 0, whatever its logarithm.
-    log_marginals = np.log(np.maximum(likelihoods @ probabilities, _SMALLEST))  # (..., 27)
+    log_marginals = np.log(np.maximum(likelihoods @ probabilities, _SMALLEST))  # (27, ...)
     likelihoods *= log_likelihoods - log_marginals[..., None]
-    nats: FloatArray = likelihoods.sum(axis=-2) @ probabilities
-    gains: FloatArray = np.clip(nats / np.log(goal_count), 0.0, belief_entropy(probabilities))
+    nats: FloatArray = likelihoods.sum(axis=0) @ probabilities
+    gains: FloatArray = np.minimum(np.maximum(nats / log_of_count(goal_count), 0.0), belief_entropy(probabilities))
     return gains
 
 
@@ -70,9 +71,23 @@ def expected_information_gain(
     """
     goals = checked_goals_m(goals_m)
     belief = checked_probabilities(probabilities, goals.shape[0])
-    next_positions_m = model.next_positions(position_m, momentum)  # (27, 3)
-    ahead = log_likelihood(next_positions_m, UNIT_DIRECTIONS, goals, model, rationality_per_m)  # (27, 27, G)
-    return mutual_information(ahead, belief)
+    check_rationality(rationality_per_m)
+    next_positions_m = model.next_positions(position_m, momentum)
+    return information_gain_ahead(next_positions_m, goals, belief, model, rationality_per_m)
+
+
+def information_gain_ahead(
+    next_positions_m: FloatArray,
+    goals_m: FloatArray,
+    probabilities: FloatArray,
+    model: TransitionModel,
+    rationality_per_m: float,
+) -> FloatArray:
+    """``expected_information_gain`` of values already checked, with x' = T(x, u) as (27, 3)."""
+    # The person's action u' comes first: everything sums over it, and sums down the first axis are the fastest.
+    ahead_m = next_positions_m + model.displacements_ahead()  # T(x', u'), (27 of u', 27 of u, 3)
+    rewards_m = rewards_of_moves_m(next_positions_m, ahead_m, goals_m)  # (27, 27, G)
+    return mutual_information(log_softmax(rationality_per_m * rewards_m, axis=0), probabilities)
 
 
 def information_gain_at(
@@ -96,5 +111,5 @@ def information_gain_at(
     for start in range(0, places_m.shape[0], _PLACES_A_BATCH):  # bounds memory, not speed
         batch = slice(start, start + _PLACES_A_BATCH)
         ahead = log_likelihood(places_m[batch], shared_momentum, goals_m, model, rationality_per_m)
-        gains[batch] = mutual_information(ahead, belief)
+        gains[batch] = mutual_information(np.moveaxis(ahead, -2, 0), belief)
     return gains

@@ -62,8 +62,13 @@ class TransitionModel:
         """
         momenta = checked_momenta(momentum)
         if momenta.shape == (3,):
-            return _displacements_of_one(self, *momenta.tolist())
+            return _displacements_of_one(self, momenta.tobytes())
         return self._displacements(momenta)
+
+    def displacements_ahead(self) -> FloatArray:
+        """p'' - p' in metres of each of the person's 27 actions after each of the arm's 27, read-only:
+        (27 of the person, 27 of the arm, 3). An action leaves its own momentum, so this is the same everywhere."""
+        return _displacements_ahead(self)
 
     def _displacements(self, momenta: FloatArray) -> FloatArray:
         if self.kind == "mix":
@@ -95,6 +100,11 @@ class TransitionModel:
 
 
 @lru_cache(maxsize=4096)
-def _displacements_of_one(model: TransitionModel, x: float, y: float, z: float) -> FloatArray:
+def _displacements_of_one(model: TransitionModel, momentum: bytes) -> FloatArray:
     """Read-only, (27, 3): an arm has few momenta, and asks for the same ones tick after tick."""
-    return frozen(model._displacements(np.array((x, y, z))))
+    return frozen(model._displacements(np.frombuffer(momentum)))
+
+
+@lru_cache(maxsize=64)
+def _displacements_ahead(model: TransitionModel) -> FloatArray:
+    return frozen(np.ascontiguousarray(model._displacements(UNIT_DIRECTIONS).swapaxes(0, 1)))
