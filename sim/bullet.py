@@ -50,10 +50,15 @@ TOUCH_SLICES = 4
 """A finger still counts as touching this many slices after the last contact, and must touch that long to hold."""
 
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
+FINGER_STOP_M = 0.001
+"""Their joints' stops lie this far beyond the travel: a finger at its stop costs the solver a row in every step."""
 FINGER_FRICTION, TABLE_FRICTION, FLOOR_FRICTION, BIN_FRICTION = 1.0, 0.8, 0.8, 0.5
 SPINNING_FRICTION, ROLLING_FRICTION = 0.005, 0.0005
 """Of table, floor and bins only: between fingers and object they would cost half the speed and change nothing."""
 BIN_WALL_M = 0.012
+
+_STATIC_GROUP, _ARM_GROUP, _FLOOR_GROUP = 2, 64, 128
+"""Collision groups; the first is bullet's own."""
 
 
 @dataclass
@@ -205,6 +210,7 @@ class BulletRobot:
         floor = self._static(pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client))
         table = self._static(self._box(scene.table.size_m), scene.table.center_world_m)
         self._surface(floor, FLOOR_FRICTION)
+        pybullet.setCollisionFilterGroupMask(floor, -1, _FLOOR_GROUP, ~_STATIC_GROUP, physicsClientId=self._client)
         self._surface(table, TABLE_FRICTION)
         for item in scene.bins:
             for center_m, size_m in _walls(item):
@@ -224,6 +230,8 @@ class BulletRobot:
             info = pybullet.getJointInfo(self._arm, index, physicsClientId=client)
             joint_index[info[1].decode()] = index
             self._link_index[info[12].decode()] = index
+            # The floor is out of the arm's reach, yet an endless plane: every link would be tested against it.
+            pybullet.setCollisionFilterGroupMask(self._arm, index, _ARM_GROUP, ~_FLOOR_GROUP, physicsClientId=client)
         self._arm_joints = [joint_index[name] for name in fetch.ARM_JOINT_NAMES]
         self._fingers = [joint_index[name] for name in urdf.FINGER_JOINTS.values()]
         self._gripper_link = self._link_index["gripper_link"]
@@ -237,6 +245,8 @@ class BulletRobot:
                 lateralFriction=FINGER_FRICTION,
                 restitution=0.0,
                 frictionAnchor=1,
+                jointLowerLimit=-FINGER_STOP_M,
+                jointUpperLimit=fetch.FINGER_TRAVEL_M + FINGER_STOP_M,
                 physicsClientId=client,
             )
         # Both fingers' joints point outwards, so that equal positions keep the middle between them.
@@ -287,7 +297,9 @@ class BulletRobot:
         return shape
 
     def _static(self, shape: int, position_m: Vector3 = (0.0, 0.0, 0.0)) -> int:
-        body: int = pybullet.createMultiBody(0.0, shape, -1, position_m, physicsClientId=self._client)
+        body: int = pybullet.createMultiBody(
+            0.0, shape, -1, position_m, useMaximalCoordinates=True, physicsClientId=self._client
+        )
         return body
 
     def _surface(self, body: int, friction: float) -> None:
@@ -298,6 +310,8 @@ class BulletRobot:
             spinningFriction=SPINNING_FRICTION,
             rollingFriction=ROLLING_FRICTION,
             restitution=0.0,
+            # What stands still on something asleep is not even tested against it.
+            activationState=pybullet.ACTIVATION_STATE_SLEEP,
             physicsClientId=self._client,
         )
 
