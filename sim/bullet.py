@@ -50,6 +50,10 @@ TOUCH_SLICES = 4
 """A finger still counts as touching this many slices after the last contact, and must touch that long to hold."""
 
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
+GRIP_SPEED_M_S = 0.3
+"""What the fingers' motors ask for while they grip. In each iteration of the solver a motor's impulse grows by no more
+than the finger's mass times this speed: at the closing speed it takes all of them to reach the stated force, and none
+is left to share it out among the contacts."""
 FINGER_STOP_M = 0.001
 """Their joints' stops lie this far beyond the travel: a finger at its stop costs the solver a row in every step."""
 FINGER_FRICTION, TABLE_FRICTION, FLOOR_FRICTION, BIN_FRICTION = 1.0, 0.8, 0.8, 0.5
@@ -99,6 +103,7 @@ class BulletRobot:
         self._path: list[Vector3] = []
         self._closing = False
         self._gripper_slices_left = 0
+        self._gripping = False
         self._touches: dict[int, list[int]] = {}  # object body -> slices of touch of each finger, + and - as in _feel
         self._held: _Body | None = None
         self._lagging = False
@@ -133,6 +138,7 @@ class BulletRobot:
             self._gripper_slices_left = fetch.GRIPPER_SLICES
             self._touches.clear()
             self._held = None
+            self._gripping = False
             self._drive_fingers()
         return verdict
 
@@ -337,7 +343,7 @@ class BulletRobot:
                 pybullet.POSITION_CONTROL,
                 targetPosition=0.0 if self._closing else fetch.FINGER_TRAVEL_M,
                 force=urdf.FINGER_FORCE_N,
-                maxVelocity=urdf.FINGER_SPEED_M_S,
+                maxVelocity=GRIP_SPEED_M_S if self._gripping else urdf.FINGER_SPEED_M_S,
                 physicsClientId=self._client,
             )
 
@@ -358,20 +364,28 @@ class BulletRobot:
 
     def _feel(self) -> None:
         """Which object both fingers hold. Counts up while a finger touches, down while it does not."""
+        gripping = False
         for item in [self._held] if self._held else self._bodies:
             counts = self._touches.setdefault(item.body, [0, 0])
-            for side, finger in enumerate(self._fingers):
-                contacts = pybullet.getContactPoints(
-                    bodyA=self._arm, bodyB=item.body, linkIndexA=finger, physicsClientId=self._client
-                )
-                pressing = any(contact[9] > 0.0 for contact in contacts)
-                counts[side] = min(counts[side] + 1, TOUCH_SLICES) if pressing else max(counts[side] - 1, 0)
+            pressing = [self._presses(finger, item) for finger in self._fingers]
+            for side, presses in enumerate(pressing):
+                counts[side] = min(counts[side] + 1, TOUCH_SLICES) if presses else max(counts[side] - 1, 0)
+            gripping = any(pressing) and (self._held is item or min(counts) == TOUCH_SLICES)
             if min(counts) == TOUCH_SLICES:
                 self._held = item
                 break
             if min(counts) == 0 and self._held is item:
                 self._held = None
                 self._touches.clear()
+        if gripping != self._gripping:
+            self._gripping = gripping
+            self._drive_fingers()
+
+    def _presses(self, finger: int, item: _Body) -> bool:
+        contacts = pybullet.getContactPoints(
+            bodyA=self._arm, bodyB=item.body, linkIndexA=finger, physicsClientId=self._client
+        )
+        return any(contact[9] > 0.0 for contact in contacts)
 
     def _gripper_state(self) -> GripperState:
         if self._gripper_slices_left:
