@@ -1,8 +1,9 @@
 """The Fetch in pybullet: contact, friction, gravity. The only file that imports pybullet.
 
-One `DIRECT` client per robot. One slice is `STEPS_PER_SLICE` physics steps; the arm gets new joint targets twice a
-slice, from the closed-form inverse of the point where the gripper should be by then. The fingers hold by friction
-alone. Every reset builds the world anew, in the same order, which is what makes it repeat bit for bit.
+One `DIRECT` client per robot. One slice is `STEPS_PER_SLICE` physics steps, twice as many while something falls; the
+arm gets new joint targets twice a slice, from the closed-form inverse of the point where the gripper should be by then.
+The fingers hold by friction alone. Every reset builds the world anew, in the same order, which is what makes it repeat
+bit for bit.
 """
 
 from __future__ import annotations
@@ -35,8 +36,11 @@ from sim.interface import (
 )
 from sim.objects import grasp_point
 
-PHYSICS_HZ = 240
-STEPS_PER_SLICE = 8
+STEPS_PER_SLICE = 4
+FALLING_STEPS_PER_SLICE = 8
+FALLING_M_S = 0.25
+"""Steps last 1/120 s, and 1/240 s while an object is faster than this: it falls or tips, since the arm is never as fast
+(`ik.MAX_SPEED_M_S`), and what hits the floor at 4 m/s would be deep in it after a long step."""
 TARGETS_PER_SLICE = 2
 SOLVER_ITERATIONS = 30
 SOLVER_RESIDUAL = 1e-5
@@ -50,6 +54,7 @@ TOUCH_SLICES = 4
 """A finger still counts as touching this many slices after the last contact, and must touch that long to hold."""
 
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
+FINGER_GAIN = 0.2
 GRIP_SPEED_M_S = 0.3
 """What the fingers' motors ask for while they grip. In each iteration of the solver a motor's impulse grows by no more
 than the finger's mass times this speed: at the closing speed it takes all of them to reach the stated force, and none
@@ -104,13 +109,14 @@ class BulletRobot:
         self._closing = False
         self._gripper_slices_left = 0
         self._gripping = False
+        self._falling = False
+        self._steps = STEPS_PER_SLICE
         self._touches: dict[int, list[int]] = {}  # object body -> slices of touch of each finger, + and - as in _feel
         self._held: _Body | None = None
         self._lagging = False
         pybullet.resetSimulation(physicsClientId=self._client)
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / PHYSICS_HZ,
+            fixedTimeStep=SLICE_S / self._steps,
             numSolverIterations=SOLVER_ITERATIONS,
             solverResidualThreshold=SOLVER_RESIDUAL,
             numSubSteps=0,
@@ -120,6 +126,9 @@ class BulletRobot:
         self._build_room(scene)
         self._build_arm(joints_rad)
         self._bodies = [self._build_object(placed) for placed in scene.objects]
+        # Sleep begins at the end of a step: this one is without gravity, or they would sink into the table in it.
+        pybullet.stepSimulation(physicsClientId=self._client)
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         self._gripper_world_m = self._measure_gripper()
 
     def command(self, command: RobotCommand) -> MotionVerdict:
@@ -145,6 +154,7 @@ class BulletRobot:
     def advance(self) -> None:
         """Advance by one slice. Raises `SimError` before the first `reset`."""
         client = self._world()
+        self._step_by(FALLING_STEPS_PER_SLICE if self._falling else STEPS_PER_SLICE)
         self._slice += 1
         self._gripper_slices_left = max(self._gripper_slices_left - 1, 0)
         before = self._target
@@ -163,11 +173,11 @@ class BulletRobot:
                     before[2] + share * (after[2] - before[2]),
                 )
                 self._drive_arm(ik.solve(self._target)[0])
-            for _ in range(STEPS_PER_SLICE // TARGETS_PER_SLICE):
+            for _ in range(self._steps // TARGETS_PER_SLICE):
                 pybullet.stepSimulation(physicsClientId=client)
         self._target = after
         self._gripper_world_m = self._measure_gripper()
-        self._watch_objects()
+        self._falling = self._watch_objects() > FALLING_M_S
         if self._closing:
             self._feel()
 
@@ -324,6 +334,7 @@ class BulletRobot:
     # Driving.
 
     def _drive_arm(self, joints_rad: ik.Joints) -> None:
+        self._joints_rad = joints_rad
         pybullet.setJointMotorControlArray(
             self._arm,
             self._arm_joints,
@@ -342,10 +353,20 @@ class BulletRobot:
                 index,
                 pybullet.POSITION_CONTROL,
                 targetPosition=0.0 if self._closing else fetch.FINGER_TRAVEL_M,
+                positionGain=FINGER_GAIN,
                 force=urdf.FINGER_FORCE_N,
                 maxVelocity=GRIP_SPEED_M_S if self._gripping else urdf.FINGER_SPEED_M_S,
                 physicsClientId=self._client,
             )
+
+    def _step_by(self, steps: int) -> None:
+        """So many steps a slice from now on."""
+        # Bullet turns a motor's force into an impulse of the step's length when it is commanded: command it again.
+        if steps != self._steps:
+            self._steps = steps
+            pybullet.setPhysicsEngineParameter(fixedTimeStep=SLICE_S / steps, physicsClientId=self._client)
+            self._drive_arm(self._joints_rad)
+            self._drive_fingers()
 
     # Measuring.
 
@@ -356,11 +377,16 @@ class BulletRobot:
         x_m, y_m, z_m = state[4]
         return x_m, y_m, z_m
 
-    def _watch_objects(self) -> None:
+    def _watch_objects(self) -> float:
+        """Count how long each has been at rest; the speed of the fastest, m/s."""
+        fastest_m_s = 0.0
         for item in self._bodies:
-            speed, turn = pybullet.getBaseVelocity(item.body, physicsClientId=self._client)
-            quiet = math.hypot(*speed) < SETTLED_SPEED_M_S and math.hypot(*turn) < SETTLED_TURN_RAD_S
+            velocity, turn = pybullet.getBaseVelocity(item.body, physicsClientId=self._client)
+            speed_m_s = math.hypot(*velocity)
+            quiet = speed_m_s < SETTLED_SPEED_M_S and math.hypot(*turn) < SETTLED_TURN_RAD_S
             item.rest_slices = item.rest_slices + 1 if quiet else 0
+            fastest_m_s = max(fastest_m_s, speed_m_s)
+        return fastest_m_s
 
     def _feel(self) -> None:
         """Which object both fingers hold. Counts up while a finger touches, down while it does not."""

@@ -136,6 +136,24 @@ def pressing_n(robot: BulletRobot) -> list[float]:
     ]
 
 
+def test_the_grip_is_as_firm_while_something_else_falls(robot: BulletRobot) -> None:
+    robot.reset(layouts.scene(ARC, {2: "wipes_tub", 5: "spray_bottle"}))
+    for target in way_in(ARC, robot.observe().objects[0].grasp_world_m):
+        drive(robot, target)
+    move_gripper(robot, "close")
+    robot.command(still())
+    other, client = robot._bodies[1].body, robot._client
+    pybullet.changeDynamics(other, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=client)
+    robot.advance()  # awake from its end on
+    pybullet.resetBaseVelocity(other, (0.0, -1.0, 1.5), physicsClientId=client)
+    forces_n = []
+    for _ in range(30):
+        robot.advance()
+        forces_n += pressing_n(robot)
+    assert robot.observe().objects[1].pose.position_world_m[2] < ARC.table.top_z_m
+    assert forces_n == pytest.approx([urdf.FINGER_FORCE_N] * 60, rel=0.1)
+
+
 @pytest.mark.parametrize("object_id", ["sponge_pack", "absorbent_can"])
 def test_fingers_press_as_hard_as_stated_and_hold_what_friction_holds(robot: BulletRobot, object_id: str) -> None:
     scene = layouts.scene(ARC, {2: object_id})
@@ -154,9 +172,30 @@ def test_fingers_press_as_hard_as_stated_and_hold_what_friction_holds(robot: Bul
     while (here_m := robot.observe().objects[0].pose.position_world_m)[2] > height_m - 0.005 and pull_n < 50.0:
         pybullet.applyExternalForce(body, -1, (0.0, 0.0, -pull_n), here_m, pybullet.WORLD_FRAME, physicsClientId=client)
         pybullet.stepSimulation(physicsClientId=client)
-        pull_n += 5.0 / 240.0
+        pull_n += 5.0 / 120.0
     held_n = 2.0 * urdf.FINGER_FORCE_N * FINGER_FRICTION * spec.friction
     assert pull_n + 9.81 * spec.mass_kg == pytest.approx(held_n, rel=0.1)
+
+
+def test_what_falls_into_a_bin_lands_on_the_floor_not_in_it(robot: BulletRobot) -> None:
+    scene = layouts.scene(ARC, {0: "sponge_pack"})
+    robot.reset(scene)
+    grasp_m = robot.observe().objects[0].grasp_world_m
+    for target in way_in(ARC, grasp_m):
+        drive(robot, target)
+    move_gripper(robot, "close")
+    for target in way_out(ARC, grasp_m, scene.bins[0].release_world_m):
+        drive(robot, target)
+    fall_m = robot.observe().objects[0].pose.position_world_m[2] - scene.objects[0].spec.size_m[2] / 2.0
+    robot.command(still("open"))
+    depths_m = []
+    for _ in range(3 * 15):
+        robot.advance()
+        contacts = pybullet.getContactPoints(robot._bodies[0].body, physicsClientId=robot._client)
+        depths_m += [-contact[8] for contact in contacts]
+    assert robot.observe().objects[0].pose.position_world_m[2] < 0.1
+    # No deeper than it falls in one of the short steps.
+    assert 0.0 < max(depths_m) < math.sqrt(2.0 * 9.81 * fall_m) / 240.0
 
 
 def test_pressing_freezes_the_command_instead_of_winding_it_up(robot: BulletRobot) -> None:
