@@ -1,8 +1,9 @@
 """The Fetch in pybullet: contact, friction, gravity. The only file that imports pybullet.
 
-One `DIRECT` client per robot. One slice is `STEPS_PER_SLICE` physics steps; the arm gets new joint targets twice a
-slice, from the closed-form inverse of the point where the gripper should be by then. The fingers hold by friction
-alone. Every reset builds the world anew, in the same order, which is what makes it repeat bit for bit.
+One `DIRECT` client per robot. One slice is `STEPS_PER_SLICE` physics steps, twice as many while something falls; the
+arm gets new joint targets twice a slice, from the closed-form inverse of the point where the gripper should be by then.
+The fingers hold by friction alone. Every reset builds the world anew, in the same order, which is what makes it repeat
+bit for bit.
 """
 
 from __future__ import annotations
@@ -35,8 +36,11 @@ from sim.interface import (
 )
 from sim.objects import grasp_point
 
-PHYSICS_HZ = 240
-STEPS_PER_SLICE = 8
+STEPS_PER_SLICE = 4
+FALLING_STEPS_PER_SLICE = 8
+FALLING_M_S = 0.25
+"""Steps last 1/120 s, and 1/240 s while an object is faster than this: it falls or tips, since the arm is never as fast
+(`ik.MAX_SPEED_M_S`), and what hits the floor at 4 m/s would be deep in it after a long step."""
 TARGETS_PER_SLICE = 2
 SOLVER_ITERATIONS = 30
 SOLVER_RESIDUAL = 1e-5
@@ -50,10 +54,20 @@ TOUCH_SLICES = 4
 """A finger still counts as touching this many slices after the last contact, and must touch that long to hold."""
 
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
+FINGER_GAIN = 0.2
+GRIP_SPEED_M_S = 0.3
+"""What the fingers' motors ask for while they grip. In each iteration of the solver a motor's impulse grows by no more
+than the finger's mass times this speed: at the closing speed it takes all of them to reach the stated force, and none
+is left to share it out among the contacts."""
+FINGER_STOP_M = 0.001
+"""Their joints' stops lie this far beyond the travel: a finger at its stop costs the solver a row in every step."""
 FINGER_FRICTION, TABLE_FRICTION, FLOOR_FRICTION, BIN_FRICTION = 1.0, 0.8, 0.8, 0.5
 SPINNING_FRICTION, ROLLING_FRICTION = 0.005, 0.0005
 """Of table, floor and bins only: between fingers and object they would cost half the speed and change nothing."""
 BIN_WALL_M = 0.012
+
+_STATIC_GROUP, _ARM_GROUP, _FLOOR_GROUP = 2, 64, 128
+"""Collision groups; the first is bullet's own."""
 
 
 @dataclass
@@ -94,13 +108,15 @@ class BulletRobot:
         self._path: list[Vector3] = []
         self._closing = False
         self._gripper_slices_left = 0
+        self._gripping = False
+        self._falling = False
+        self._steps = STEPS_PER_SLICE
         self._touches: dict[int, list[int]] = {}  # object body -> slices of touch of each finger, + and - as in _feel
         self._held: _Body | None = None
         self._lagging = False
         pybullet.resetSimulation(physicsClientId=self._client)
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / PHYSICS_HZ,
+            fixedTimeStep=SLICE_S / self._steps,
             numSolverIterations=SOLVER_ITERATIONS,
             solverResidualThreshold=SOLVER_RESIDUAL,
             numSubSteps=0,
@@ -110,6 +126,9 @@ class BulletRobot:
         self._build_room(scene)
         self._build_arm(joints_rad)
         self._bodies = [self._build_object(placed) for placed in scene.objects]
+        # Sleep begins at the end of a step: this one is without gravity, or they would sink into the table in it.
+        pybullet.stepSimulation(physicsClientId=self._client)
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         self._gripper_world_m = self._measure_gripper()
 
     def command(self, command: RobotCommand) -> MotionVerdict:
@@ -128,6 +147,7 @@ class BulletRobot:
             self._gripper_slices_left = fetch.GRIPPER_SLICES
             self._touches.clear()
             self._held = None
+            self._gripping = False
             self._drive_fingers()
         return verdict
 
@@ -138,6 +158,7 @@ class BulletRobot:
             self._advance_slice(client)
 
     def _advance_slice(self, client: int) -> None:
+        self._step_by(FALLING_STEPS_PER_SLICE if self._falling else STEPS_PER_SLICE)
         self._slice += 1
         self._gripper_slices_left = max(self._gripper_slices_left - 1, 0)
         before = self._target
@@ -156,11 +177,11 @@ class BulletRobot:
                     before[2] + share * (after[2] - before[2]),
                 )
                 self._drive_arm(ik.solve(self._target)[0])
-            for _ in range(STEPS_PER_SLICE // TARGETS_PER_SLICE):
+            for _ in range(self._steps // TARGETS_PER_SLICE):
                 pybullet.stepSimulation(physicsClientId=client)
         self._target = after
         self._gripper_world_m = self._measure_gripper()
-        self._watch_objects()
+        self._falling = self._watch_objects() > FALLING_M_S
         if self._closing:
             self._feel()
 
@@ -209,6 +230,7 @@ class BulletRobot:
         floor = self._static(pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client))
         table = self._static(self._box(scene.table.size_m), scene.table.center_world_m)
         self._surface(floor, FLOOR_FRICTION)
+        pybullet.setCollisionFilterGroupMask(floor, -1, _FLOOR_GROUP, ~_STATIC_GROUP, physicsClientId=self._client)
         self._surface(table, TABLE_FRICTION)
         for item in scene.bins:
             for center_m, size_m in _walls(item):
@@ -228,6 +250,8 @@ class BulletRobot:
             info = pybullet.getJointInfo(self._arm, index, physicsClientId=client)
             joint_index[info[1].decode()] = index
             self._link_index[info[12].decode()] = index
+            # The floor is out of the arm's reach, yet an endless plane: every link would be tested against it.
+            pybullet.setCollisionFilterGroupMask(self._arm, index, _ARM_GROUP, ~_FLOOR_GROUP, physicsClientId=client)
         self._arm_joints = [joint_index[name] for name in fetch.ARM_JOINT_NAMES]
         self._fingers = [joint_index[name] for name in urdf.FINGER_JOINTS.values()]
         self._gripper_link = self._link_index["gripper_link"]
@@ -241,6 +265,8 @@ class BulletRobot:
                 lateralFriction=FINGER_FRICTION,
                 restitution=0.0,
                 frictionAnchor=1,
+                jointLowerLimit=-FINGER_STOP_M,
+                jointUpperLimit=fetch.FINGER_TRAVEL_M + FINGER_STOP_M,
                 physicsClientId=client,
             )
         # Both fingers' joints point outwards, so that equal positions keep the middle between them.
@@ -291,7 +317,9 @@ class BulletRobot:
         return shape
 
     def _static(self, shape: int, position_m: Vector3 = (0.0, 0.0, 0.0)) -> int:
-        body: int = pybullet.createMultiBody(0.0, shape, -1, position_m, physicsClientId=self._client)
+        body: int = pybullet.createMultiBody(
+            0.0, shape, -1, position_m, useMaximalCoordinates=True, physicsClientId=self._client
+        )
         return body
 
     def _surface(self, body: int, friction: float) -> None:
@@ -302,12 +330,15 @@ class BulletRobot:
             spinningFriction=SPINNING_FRICTION,
             rollingFriction=ROLLING_FRICTION,
             restitution=0.0,
+            # What stands still on something asleep is not even tested against it.
+            activationState=pybullet.ACTIVATION_STATE_SLEEP,
             physicsClientId=self._client,
         )
 
     # Driving.
 
     def _drive_arm(self, joints_rad: ik.Joints) -> None:
+        self._joints_rad = joints_rad
         pybullet.setJointMotorControlArray(
             self._arm,
             self._arm_joints,
@@ -326,10 +357,20 @@ class BulletRobot:
                 index,
                 pybullet.POSITION_CONTROL,
                 targetPosition=0.0 if self._closing else fetch.FINGER_TRAVEL_M,
+                positionGain=FINGER_GAIN,
                 force=urdf.FINGER_FORCE_N,
-                maxVelocity=urdf.FINGER_SPEED_M_S,
+                maxVelocity=GRIP_SPEED_M_S if self._gripping else urdf.FINGER_SPEED_M_S,
                 physicsClientId=self._client,
             )
+
+    def _step_by(self, steps: int) -> None:
+        """So many steps a slice from now on."""
+        # Bullet turns a motor's force into an impulse of the step's length when it is commanded: command it again.
+        if steps != self._steps:
+            self._steps = steps
+            pybullet.setPhysicsEngineParameter(fixedTimeStep=SLICE_S / steps, physicsClientId=self._client)
+            self._drive_arm(self._joints_rad)
+            self._drive_fingers()
 
     # Measuring.
 
@@ -340,28 +381,41 @@ class BulletRobot:
         x_m, y_m, z_m = state[4]
         return x_m, y_m, z_m
 
-    def _watch_objects(self) -> None:
+    def _watch_objects(self) -> float:
+        """Count how long each has been at rest; the speed of the fastest, m/s."""
+        fastest_m_s = 0.0
         for item in self._bodies:
-            speed, turn = pybullet.getBaseVelocity(item.body, physicsClientId=self._client)
-            quiet = math.hypot(*speed) < SETTLED_SPEED_M_S and math.hypot(*turn) < SETTLED_TURN_RAD_S
+            velocity, turn = pybullet.getBaseVelocity(item.body, physicsClientId=self._client)
+            speed_m_s = math.hypot(*velocity)
+            quiet = speed_m_s < SETTLED_SPEED_M_S and math.hypot(*turn) < SETTLED_TURN_RAD_S
             item.rest_slices = item.rest_slices + 1 if quiet else 0
+            fastest_m_s = max(fastest_m_s, speed_m_s)
+        return fastest_m_s
 
     def _feel(self) -> None:
         """Which object both fingers hold. Counts up while a finger touches, down while it does not."""
+        gripping = False
         for item in [self._held] if self._held else self._bodies:
             counts = self._touches.setdefault(item.body, [0, 0])
-            for side, finger in enumerate(self._fingers):
-                contacts = pybullet.getContactPoints(
-                    bodyA=self._arm, bodyB=item.body, linkIndexA=finger, physicsClientId=self._client
-                )
-                pressing = any(contact[9] > 0.0 for contact in contacts)
-                counts[side] = min(counts[side] + 1, TOUCH_SLICES) if pressing else max(counts[side] - 1, 0)
+            pressing = [self._presses(finger, item) for finger in self._fingers]
+            for side, presses in enumerate(pressing):
+                counts[side] = min(counts[side] + 1, TOUCH_SLICES) if presses else max(counts[side] - 1, 0)
+            gripping = any(pressing) and (self._held is item or min(counts) == TOUCH_SLICES)
             if min(counts) == TOUCH_SLICES:
                 self._held = item
                 break
             if min(counts) == 0 and self._held is item:
                 self._held = None
                 self._touches.clear()
+        if gripping != self._gripping:
+            self._gripping = gripping
+            self._drive_fingers()
+
+    def _presses(self, finger: int, item: _Body) -> bool:
+        contacts = pybullet.getContactPoints(
+            bodyA=self._arm, bodyB=item.body, linkIndexA=finger, physicsClientId=self._client
+        )
+        return any(contact[9] > 0.0 for contact in contacts)
 
     def _gripper_state(self) -> GripperState:
         if self._gripper_slices_left:

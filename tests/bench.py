@@ -30,7 +30,7 @@ def decision() -> Iterable[Figure]:
 
 
 def robots() -> Iterable[Figure]:
-    """headless ticks per second of both robots, whole cycles by the scripted pilot"""
+    """headless ticks per second of both robots: whole pick-and-place cycles by the scripted pilot, and their parts"""
     from tests.bench_engine import robot_figures
 
     return robot_figures()

@@ -32,7 +32,15 @@ GOALS = 6
 STATES = 60
 REPEATS = 5
 IDLE_TICKS = 120
+WORLDS = 10
 SEED = 7
+CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
+PARTS = EMPTY_HANDED, CARRYING, FINGERS, RESET = (
+    "empty-handed",
+    "carrying",
+    "fingers move, object settles",
+    "arm resets",
+)
 
 
 # ---- decisions --------------------------------------------------------------------------------------------------
@@ -48,7 +56,7 @@ def decision_figures() -> Iterator[Figure]:
     yield Figure(f"whole evaluation, {GOALS} goals, model mix", f"{whole_ms:.3f} ms")
     yield Figure("literal equations, same states", f"{literal_ms:.1f} ms")
     yield Figure("times faster", f"{literal_ms / whole_ms:.0f}", "12 or more")
-    for condition in ("teleoperation", "goal_oriented", "balanced"):
+    for condition in CONDITIONS:
         held = replace(parameters, condition=condition)
         for away in (False, True):
             chosen = [state for state in states if (state[-1] is None) == away]
@@ -80,21 +88,32 @@ def _median_ms(work: Callable[[Any], object], states: Sequence[Any], repeats: in
 
 
 def robot_figures() -> Iterator[Figure]:
-    """Ticks per second in the full scene of six objects; real time has two."""
+    """Whole pick-and-place cycles by the scripted pilot in the full scene of six objects, and their parts.
+
+    A trial of three cycles in each condition, from building the world to the object at rest in the bin. Simulated
+    seconds over those of the processor, user and system, of this one process.
+    """
     setup = study_setup(open_study(None))
     for name in reversed(ROBOTS):
-        times_s, outcomes = _driven(name, _trial(setup, "balanced"))
-        total_s, ticks = sum(map(sum, times_s.values())), sum(map(len, times_s.values()))
+        times_s: dict[str, list[float]] = defaultdict(list)
+        outcomes: list[str] = []
+        for condition in CONDITIONS:
+            outcomes += _drive(name, _trial(setup, condition), times_s)
+        opening_s = sum(times_s.pop("opening"))
+        ticks = sum(map(len, times_s.values()))
         yield Figure(
-            f"{name}: a trial of three cycles, building worlds included",
-            _speed(ticks, total_s),
+            f"{name}: whole cycles, building worlds included",
+            _speed(ticks, sum(map(sum, times_s.values())) + opening_s),
             "60 x or more" if name == "bullet" else "",
         )
         yield Figure(f"{name}: tasks that succeeded", f"{outcomes.count('success')} of {len(outcomes)}")
-        for source in ("user", "gripper", "reset"):
-            yield Figure(f"{name}: ticks of source {source}", _speed(len(times_s[source]), sum(times_s[source])))
+        for part in PARTS:
+            share = len(times_s[part]) / ticks
+            yield Figure(f"{name}: {part} ({share:.0%} of the ticks)", _speed(len(times_s[part]), sum(times_s[part])))
+        yield Figure(f"{name}: building a world", f"{1e3 * _building_s(name, _trial(setup, 'balanced')):.1f} ms")
         for condition in ("teleoperation", "balanced"):
-            yield Figure(f"{name}: hands off, {condition}", _speed(IDLE_TICKS, _idle_s(name, _trial(setup, condition))))
+            idle_s = _idle_s(name, _trial(setup, condition))
+            yield Figure(f"{name}: idle, hands off, {condition}", _speed(IDLE_TICKS, idle_s))
 
 
 def _speed(ticks: int, seconds: float) -> str:
@@ -106,11 +125,10 @@ def _trial(setup: StudySetup, condition: str) -> TrialSetup:
     return setup.trial_setup("bench", plan_session(setup.study, order, SEED), 1, "trial")
 
 
-def _driven(robot_name: str, trial: TrialSetup) -> tuple[dict[str, list[float]], list[str]]:
-    """Seconds of each tick by source, and the tasks' outcomes."""
+def _drive(robot_name: str, trial: TrialSetup, times_s: dict[str, list[float]]) -> list[str]:
+    """A whole trial: adds the seconds of each tick to its part of a cycle; returns the tasks' outcomes."""
     robot = make_robot(robot_name)
-    times_s: dict[str, list[float]] = defaultdict(list)
-    outcomes = []
+    outcomes: list[str] = []
     started_s = time.process_time()
     engine = TrialEngine(trial, robot)
     engine.open()
@@ -126,10 +144,25 @@ def _driven(robot_name: str, trial: TrialSetup) -> tuple[dict[str, list[float]],
             act = pilot.act(view.object, Sight(position_m, world.held, world.gripper, grasp_m, release_m))
         started_s = time.process_time()
         result = engine.tick(act)
-        times_s[result.row.source].append(time.process_time() - started_s)
+        passed_s = time.process_time() - started_s
+        part = {"gripper": FINGERS, "reset": RESET}.get(result.row.source, CARRYING if world.held else EMPTY_HANDED)
+        times_s[part].append(passed_s)
         outcomes += [task.outcome for task in result.tasks]
     robot.close()
-    return times_s, outcomes
+    return outcomes
+
+
+def _building_s(robot_name: str, trial: TrialSetup) -> float:
+    """Seconds to build the world of a cycle, in a robot that has had one before."""
+    robot = make_robot(robot_name)
+    engine = TrialEngine(trial, robot)
+    engine.open()
+    started_s = time.process_time()
+    for _ in range(WORLDS):
+        robot.reset(engine.scene)
+    passed_s = time.process_time() - started_s
+    robot.close()
+    return passed_s / WORLDS
 
 
 def _idle_s(robot_name: str, trial: TrialSetup) -> float:

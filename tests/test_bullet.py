@@ -15,7 +15,7 @@ import pybullet
 import pytest
 
 from sim import fetch, ik, layouts, objects, urdf
-from sim.bullet import BulletRobot
+from sim.bullet import FINGER_FRICTION, BulletRobot
 from sim.interface import SceneSpec, run_tick, steady, still
 from tests.robot_cases import SPEED_M_S, drive, move_gripper, settle, way_in, way_out
 
@@ -125,6 +125,77 @@ def test_a_long_carry_does_not_let_the_object_slip(robot: BulletRobot, object_id
     assert after.held == object_id
     offsets = [np.subtract(s.objects[0].pose.position_world_m, s.position_world_gripper_m) for s in (before, after)]
     assert np.linalg.norm(offsets[1] - offsets[0]) < 0.004
+
+
+def pressing_n(robot: BulletRobot) -> list[float]:
+    """How hard each finger presses on the first object."""
+    body, client = robot._bodies[0].body, robot._client
+    return [
+        sum(contact[9] for contact in pybullet.getContactPoints(robot._arm, body, finger, physicsClientId=client))
+        for finger in robot._fingers
+    ]
+
+
+def test_the_grip_is_as_firm_while_something_else_falls(robot: BulletRobot) -> None:
+    robot.reset(layouts.scene(ARC, {2: "wipes_tub", 5: "spray_bottle"}))
+    for target in way_in(ARC, robot.observe().objects[0].grasp_world_m):
+        drive(robot, target)
+    move_gripper(robot, "close")
+    robot.command(still())
+    other, client = robot._bodies[1].body, robot._client
+    pybullet.changeDynamics(other, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=client)
+    robot.advance()  # awake from its end on
+    pybullet.resetBaseVelocity(other, (0.0, -1.0, 1.5), physicsClientId=client)
+    forces_n = []
+    for _ in range(30):
+        robot.advance()
+        forces_n += pressing_n(robot)
+    assert robot.observe().objects[1].pose.position_world_m[2] < ARC.table.top_z_m
+    assert forces_n == pytest.approx([urdf.FINGER_FORCE_N] * 60, rel=0.1)
+
+
+@pytest.mark.parametrize("object_id", ["sponge_pack", "absorbent_can"])
+def test_fingers_press_as_hard_as_stated_and_hold_what_friction_holds(robot: BulletRobot, object_id: str) -> None:
+    scene = layouts.scene(ARC, {2: object_id})
+    robot.reset(scene)
+    grasp_m = robot.observe().objects[0].grasp_world_m
+    for target in way_in(ARC, grasp_m):
+        drive(robot, target)
+    move_gripper(robot, "close")
+    drive(robot, (grasp_m[0], grasp_m[1], grasp_m[2] + 0.1))
+    body, client = robot._bodies[0].body, robot._client
+    assert pressing_n(robot) == pytest.approx([urdf.FINGER_FORCE_N] * 2, rel=0.03)
+    # Pulled down, 5 N more a second: each finger's friction is its force times the object's coefficient.
+    spec = scene.objects[0].spec
+    height_m = robot.observe().objects[0].pose.position_world_m[2]
+    pull_n = 0.0
+    while (here_m := robot.observe().objects[0].pose.position_world_m)[2] > height_m - 0.005 and pull_n < 50.0:
+        pybullet.applyExternalForce(body, -1, (0.0, 0.0, -pull_n), here_m, pybullet.WORLD_FRAME, physicsClientId=client)
+        pybullet.stepSimulation(physicsClientId=client)
+        pull_n += 5.0 / 120.0
+    held_n = 2.0 * urdf.FINGER_FORCE_N * FINGER_FRICTION * spec.friction
+    assert pull_n + 9.81 * spec.mass_kg == pytest.approx(held_n, rel=0.1)
+
+
+def test_what_falls_into_a_bin_lands_on_the_floor_not_in_it(robot: BulletRobot) -> None:
+    scene = layouts.scene(ARC, {0: "sponge_pack"})
+    robot.reset(scene)
+    grasp_m = robot.observe().objects[0].grasp_world_m
+    for target in way_in(ARC, grasp_m):
+        drive(robot, target)
+    move_gripper(robot, "close")
+    for target in way_out(ARC, grasp_m, scene.bins[0].release_world_m):
+        drive(robot, target)
+    fall_m = robot.observe().objects[0].pose.position_world_m[2] - scene.objects[0].spec.size_m[2] / 2.0
+    robot.command(still("open"))
+    depths_m = []
+    for _ in range(3 * 15):
+        robot.advance()
+        contacts = pybullet.getContactPoints(robot._bodies[0].body, physicsClientId=robot._client)
+        depths_m += [-contact[8] for contact in contacts]
+    assert robot.observe().objects[0].pose.position_world_m[2] < 0.1
+    # No deeper than it falls in one of the short steps.
+    assert 0.0 < max(depths_m) < math.sqrt(2.0 * 9.81 * fall_m) / 240.0
 
 
 def test_pressing_freezes_the_command_instead_of_winding_it_up(robot: BulletRobot) -> None:
