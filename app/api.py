@@ -35,8 +35,8 @@ Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = Annotated[tuple[Number, Number, Number], Field(description="x, y, z in the world frame")]
 Axis = Literal[-1, 0, 1]
 MAX_GOALS = 100
-MAX_WEIGHT = 1e100
-"""Scores stay finite, and far beyond it any two of them would be equal."""
+MAX_WEIGHT = 1e15
+"""Beyond it a score has no digits left to tell two actions apart, and much beyond it none that is finite."""
 Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False, strict=True)]
 MAX_INVITATIONS = 200
 
