@@ -11,23 +11,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from app.acts import Command, Remark
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
 from app.course import OVERRUN_MS
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
-from app.remarks import Remark
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
+from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
-from study.protocol import Event
 from study.records import EventRow, StudyError
 from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
@@ -221,10 +221,18 @@ class Lab:
 
     async def reject(self, participant: str, reason: str, by: str) -> bool:
         """Give the participant's cell out again; False when somebody was quicker. What was recorded stays."""
-        data = json.dumps({"by": by, "reason": reason})
+        data, private = apart("rejected", reason)
         utc = utc_text(self._now_unix_s())
-        event = EventRow(participant, None, None, utc, "rejected", "experimenter", data)
-        rejected = await self.store.run(lambda store: store.reject(participant, event))
+        event = EventRow(participant, None, None, utc, "rejected", "experimenter", json.dumps({"by": by, **data}))
+
+        def write(store: Store) -> bool:
+            if not store.reject(participant, event):
+                return False
+            for name, words in private:
+                store.add_identity(participant, name, words)
+            return True
+
+        rejected = await self.store.run(write)
         self.changed(participant)
         return rejected
 
@@ -289,17 +297,17 @@ class Lab:
             self._live[participant].expect()
             return self._live[participant]
 
-    async def command(self, participant: str, event: Event, by: str) -> LiveSession:
-        """An experimenter's pause, resume or abort.
+    async def command(self, participant: str, command: Command, by: str) -> LiveSession:
+        """Something an experimenter does with a session.
 
-        Raises `NoSuchParticipant`, and `study.protocol.IllegalEvent` when the session has moved on.
+        Raises `NoSuchParticipant`, and `app.acts.NotNow` when the session has moved on.
         """
         session = await self.session(await self.stored_session(participant))
-        await session.command(event, by)
+        await session.command(command, by)
         return session
 
     async def remark(self, participant: str, remark: Remark, by: str) -> LiveSession:
-        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.remarks.NotNow`."""
+        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.acts.NotNow`."""
         session = await self.session(await self.stored_session(participant))
         await session.remark(remark, by)
         return session

@@ -120,7 +120,8 @@ async def read_quality(
 
 @router.post("/quality/{participant}/{trial}")
 async def override(participant: str, trial: int, body: OverrideRequest, lab: TheLab, who: Experimenter) -> VerdictLine:
-    """Let another verdict count, with the reason. The automatic one stays beside it, and an event says who and when."""
+    """Let another verdict count, with the reason, which is exported with the trial. The automatic one stays beside it,
+    and an event says who and when."""
     utc, reason = utc_text(time.time()), body.reason.strip()
 
     def write(store: Store) -> TrialRow | None:
@@ -128,7 +129,7 @@ async def override(participant: str, trial: int, body: OverrideRequest, lab: The
         if not found or found[0].quality is None:
             return None
         row: TrialRow = replace(found[0], quality_override=body.verdict, quality_reason=reason)
-        data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict, "reason": reason}
+        data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict}
         event = EventRow(participant, trial, None, utc, "quality_override", "experimenter", json.dumps(data))
         store.commit(trials=[row], events=[event])
         return row

@@ -17,6 +17,7 @@ from app.recent import Recent
 from app.round_trips import RoundTrips
 from app.surroundings import Enrolment, Surroundings, Vitals, utc_text
 from app.trial import CycleStart
+from app.words import Private
 from app.worker_link import WorkerLink
 from study.distractor import DistractorState
 from study.eligibility import PINGS, Check, checks_of
@@ -59,18 +60,19 @@ class Stage:
         cycle: CycleStart | None = None,
         submission: str | None = None,
         response: Mapping[str, Any] | None = None,
-        private: Iterable[tuple[str, str]] = (),
+        private: Private = (),
+        practice: bool = False,
         **rows: Any,
     ) -> None:
         """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
 
         `submission` is the message that caused it, `response` what a resend of the same message is answered with.
+        `private` are words that no export holds, `practice` is what a `cycle` belongs to.
         """
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.phase.distractor
         condition = self.enrolment.plan.trial(trial).condition
         found = [distractor.alert(number) for number in dict.fromkeys(alerts)]
         alert_rows = [distractor.row(alert, participant, condition, trial) for alert in found if alert]
-        practice = bool(rows.get("practice_ticks"))
         cycles = [Cycle(participant, trial, practice, cycle.cycle, cycle_to_json(cycle))] if cycle else []
         apart = [(participant, kind, text) for kind, text in private]
         sent = (participant, submission, dict(response or {})) if submission else None
@@ -105,6 +107,12 @@ class Stage:
         self.noticed.clear()
         self.recent.forget_ticks()
         await self.link.stop()
+
+    def lacks_panel(self) -> bool:
+        """Whether a trial is next and its readings would appear on a second device that nobody has opened."""
+        distractor = self.around.study.distractor
+        on_panel = distractor.enabled and distractor.placement == "second_device"
+        return self.session.place == "trial_ready" and on_panel and self.audience.panel is None
 
     def is_away(self) -> bool:
         """Whether a reading keeps the hands off the pad."""

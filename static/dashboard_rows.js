@@ -1,5 +1,6 @@
 // The table of sessions. Rows stay the same elements while they are updated, so that focus and pressed buttons survive.
 
+import { COMMANDS, reasoned, say } from "./acts.js";
 import { h, icon, setText } from "./dom.js";
 
 export const STATES = {
@@ -12,6 +13,7 @@ const LEVELS = { trial: ["play", "good"], practice: ["play", "good"], paused: ["
 const CAUSES = { connection: "connection lost", experimenter: "by the experimenter" };
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
+const SHOWN = COMMANDS.filter(({ name }) => ["pause", "resume", "abort"].includes(name)); // the others are on the page of the session
 const COLUMNS = ["Participant", "State", "Trial", "Task", "Connection", "Remarks", "Actions"];
 
 function connectionOf(session) {
@@ -40,21 +42,10 @@ function remarks(session) {
   return list.join("; ") || "–";
 }
 
-const EVENTS = { pause: "experimenter_pause", resume: "experimenter_resume", abort: "abort" };
-
-/** Why a button cannot be used now, or "" when it can. */
-export function whyNot(action, session) {
-  if (OVER.has(session.state)) return "The session is over.";
-  if (session.allowed?.includes(EVENTS[action])) return "";
-  if (action === "resume" && session.state !== "paused") return "The session is not paused.";
-  if (action === "resume") return "The participant's connection was lost: they press Go on themselves.";
-  if (action === "pause" && session.state === "paused") return "The session is already paused.";
-  return `This is not possible in the state “${STATES[session.state] ?? session.state}”.`;
-}
-
 export class Rows {
-  constructor({ onPause, onResume, onAbort }) {
-    this.actions = [["pause", "Pause", onPause], ["resume", "Resume", onResume], ["abort", "Abort", onAbort]];
+  /** `onAct(participant, command)` is called when a button that can act is pressed. */
+  constructor({ toasts, onAct }) {
+    Object.assign(this, { toasts, onAct });
     this.rows = new Map();
     this.body = h("tbody", {});
     this.empty = h("p", { class: "empty", data: { testid: "no-sessions" } }, "No sessions yet. Create a link above and open it.");
@@ -90,16 +81,18 @@ export class Rows {
   _make(participant) {
     const name = h("a", { href: `#session=${encodeURIComponent(participant)}`, data: { testid: "open" } });
     const cells = Object.fromEntries(["state", "trial", "task", "connection", "remarks"].map((column) => [column, h("td", { data: { column } })]));
-    const buttons = Object.fromEntries(this.actions.map(([action, label, handler]) => {
-      const button = h("button", { type: "button", class: "secondary small", "aria-label": `${label} ${participant}`, data: { testid: action } }, label);
-      button.addEventListener("click", () => button.getAttribute("aria-disabled") === "true" || handler(participant));
-      return [action, button];
+    const row = { why: {} };
+    const buttons = Object.fromEntries(SHOWN.map((command) => {
+      const button = h("button", { type: "button", class: "secondary small", "aria-label": `${command.label}: ${participant}`, data: { testid: command.name } }, command.label);
+      reasoned(button, () => row.why[command.name] ?? "", this.toasts, () => this.onAct(participant, command));
+      return [command.name, button];
     }));
     const element = h("tr", { data: { participant, testid: "session-row" } }, h("th", { scope: "row" }, name), Object.values(cells), h("td", {}, h("div", { class: "buttons" }, Object.values(buttons))));
-    return { element, name, cells, buttons };
+    return Object.assign(row, { element, name, cells, buttons });
   }
 
-  _fill({ element, name, cells, buttons }, session) {
+  _fill(row, session) {
+    const { element, name, cells, buttons } = row;
     element.dataset.state = session.state;
     setText(name, [session.participant, session.demo ? "(demo)" : "", session.label ? `· ${session.label}` : ""].filter(Boolean).join(" "));
     const [sign, level] = LEVELS[session.state] ?? ["clock", ""];
@@ -111,13 +104,8 @@ export class Rows {
     mark(cells.connection, ...connectionOf(session));
     const asks = session.help_wanted;
     mark(cells.remarks, asks ? "help" : null, asks ? `Asks for help. ${remarks(session).replace(/^–$/, "")}` : remarks(session), asks ? "warn" : "");
-    for (const [action, button] of Object.entries(buttons)) {
-      const why = whyNot(action, session);
-      // aria-disabled, not disabled: it can still be reached and says why it does nothing.
-      button.setAttribute("aria-disabled", String(why !== ""));
-      button.title = why;
-      button.setAttribute("aria-description", why);
-    }
+    row.why = session.why_not ?? {};
+    for (const [action, button] of Object.entries(buttons)) say(button, row.why[action] ?? "");
   }
 }
 

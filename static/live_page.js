@@ -1,5 +1,6 @@
 // One session, opened: what the robot believes and why it moves, what happened, and what the experimenter can do.
 
+import { COMMANDS, reasoned, say } from "./acts.js";
 import { freshId, h, icon, setText } from "./dom.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
@@ -9,16 +10,16 @@ const KEPT_TICKS = 120;
 const KEPT_EVENTS = 50;
 const SOURCES = { user: "the participant", robot: "the robot", idle: "nobody: the robot waits", gripper: "nobody: the fingers move", reset: "nobody: the arm goes back" };
 const AXES = [["forward", "back"], ["left", "right"], ["up", "down"]];
-const ACTIONS = [
+const REMARKS = [
   { kind: "message", path: "message", label: "Send message", title: "Message to the participant", text: "It is shown on the participant's page until they put it away.", field: "Message", confirm: "Send", done: "The message is on the participant's page." },
-  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick.", field: "What is special about it", confirm: "Mark", done: "The task is marked." },
-  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "Notes are kept with the session's events. They are exported: write no names.", field: "Note", confirm: "Keep note", done: "The note is kept." },
+  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick.", field: "What is special about it (kept in the lab, never exported)", confirm: "Mark", done: "The task is marked." },
+  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "Notes are kept in the lab beside the session's events. An export says that there is one, not what it says.", field: "Note", confirm: "Keep note", done: "The note is kept." },
   { kind: "help_seen", path: "help_seen", label: "Help is given", done: "The call for help is answered." },
 ];
 
 export class SessionPage {
-  /** `commands`: buttons of the table of sessions, [{action, label, whyNot(session), run(participant)}]. */
-  constructor({ participant, api, toasts, commands }) {
+  /** `onAct(participant, command)` asks and does one of COMMANDS. */
+  constructor({ participant, api, toasts, onAct }) {
     this.participant = participant;
     this.api = api;
     this.toasts = toasts;
@@ -28,11 +29,11 @@ export class SessionPage {
     this.title = h("h1", { tabindex: "-1" }, participant);
     this.state = h("p", { class: "live-state", role: "status", data: { testid: "live-state" } }, "Waiting for the lab");
     this.instruction = h("p", { class: "live-instruction", data: { testid: "live-instruction" } });
-    this.buttons = [
-      ...ACTIONS.map((action) => this._button(action.label, action.kind, (session) => session.why_not?.[action.kind] ?? "", () => this._remark(action))),
-      ...commands.map((command) => this._button(command.label, command.action, command.whyNot, () => command.run(participant))),
-    ];
-    this.why = h("ul", { class: "why hint", data: { testid: "why-not" } });
+    this.commands = COMMANDS.map((command) => this._button(command.label, command.name, () => onAct(participant, command), command.danger));
+    this.remarks = REMARKS.map((remark) => this._button(remark.label, remark.kind, () => this._remark(remark)));
+    this.why = h("ul", { class: "why hint" });
+    this.whyTitle = h("summary", {}, "");
+    this.whyBox = h("details", { class: "hint", hidden: true, data: { testid: "why-not" } }, this.whyTitle, this.why);
     this.bars = new BeliefBars();
     this.entropy = new LineChart({ title: "Entropy of the belief, last 60 s", series: [{ key: "entropy", label: "Entropy" }], low: 0, high: 1, marks: [0.7, 0.3], testid: "chart-entropy" });
     this.scores = new LineChart({ title: "Score of the chosen action, last 60 s", digits: 3, testid: "chart-scores", series: [
@@ -41,7 +42,8 @@ export class SessionPage {
     this.facts = h("dl", { class: "facts", data: { testid: "facts" } });
     this.list = h("ol", { class: "event-list", tabindex: "0", "aria-label": "Last events, newest first", data: { testid: "events" } });
     this.element = h("div", { class: "board live", data: { testid: "page-session" } },
-      h("section", { class: "board-card" }, h("p", {}, h("a", { href: "#", data: { testid: "back" } }, "← All sessions")), h("div", { class: "board-head" }, this.title, h("div", { class: "buttons" }, this.buttons.map((one) => one.element))), this.state, this.instruction, this.why),
+      h("section", { class: "board-card" }, h("p", {}, h("a", { href: "#", data: { testid: "back" } }, "← All sessions")), this.title, this.state, this.instruction,
+        h("div", { class: "act-groups" }, group("Session", this.commands), group("Participant and record", this.remarks)), this.whyBox),
       h("div", { class: "live-columns" },
         card("What the robot believes", this.bars.element, this.entropy.element, this.scores.element),
         h("div", { class: "live-side" }, card("Now", this.facts), card("Last events", this.list))),
@@ -56,15 +58,15 @@ export class SessionPage {
     setText(this.state, `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition}${task}${session.help_wanted ? " · asks for help" : ""}`);
     setText(this.instruction, session.instruction ? `Instruction: ${session.instruction}` : "");
     const reasons = [];
-    for (const { element, label, whyNot } of this.buttons) {
-      const why = whyNot(session);
-      element.setAttribute("aria-disabled", String(why !== ""));
-      element.title = why;
-      element.setAttribute("aria-description", why);
+    for (const { element, label, name } of [...this.commands, ...this.remarks]) {
+      const why = session.why_not?.[name] ?? "";
+      say(element, why);
       if (why) reasons.push(`${label}: ${why}`);
     }
     if (this.why.dataset.text !== reasons.join()) {
       this.why.dataset.text = reasons.join();
+      this.whyBox.hidden = reasons.length === 0;
+      setText(this.whyTitle, `Why ${reasons.length === 1 ? "one button" : `${reasons.length} buttons`} cannot act now`);
       this.why.replaceChildren(...reasons.map((reason) => h("li", {}, reason)));
     }
     this._facts();
@@ -120,10 +122,10 @@ export class SessionPage {
     this.facts.replaceChildren(...rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
   }
 
-  _button(label, testid, whyNot, run) {
-    const element = h("button", { type: "button", class: "secondary small", data: { testid } }, label);
-    element.addEventListener("click", () => element.getAttribute("aria-disabled") === "true" || run());
-    return { element, label, whyNot };
+  _button(label, name, run, danger = false) {
+    const element = h("button", { type: "button", class: danger ? "secondary small stop" : "secondary small", data: { testid: name } }, label);
+    reasoned(element, () => this.session?.why_not?.[name] ?? "The lab has not told anything yet.", this.toasts, run);
+    return { element, label, name };
   }
 
   async _remark(action) {
@@ -145,6 +147,10 @@ export class SessionPage {
 function card(title, ...children) {
   const id = freshId("card");
   return h("section", { class: "board-card", "aria-labelledby": id }, h("h2", { id }, title), children);
+}
+
+function group(name, acts) {
+  return h("div", { class: "act-group", role: "group", "aria-label": name }, h("span", { class: "act-name", "aria-hidden": "true" }, name), h("div", { class: "buttons" }, acts.map((one) => one.element)));
 }
 
 function words(action) {

@@ -98,7 +98,7 @@ export class Results {
   async _override(line, verdict) {
     const reason = await ask({
       testid: "override-dialog", title: `Count trial ${line.trial} of ${line.participant} as ${verdict}?`, confirm: `Count it as ${verdict}`,
-      text: [`The automatic verdict (${line.quality}) stays in the data beside yours.`], field: { label: "Reason (kept and exported)", required: true, missing: "Give a reason." },
+      text: [`The automatic verdict (${line.quality}) stays in the data beside yours.`], field: { label: "Reason (exported with the trial: write no names)", required: true, missing: "Give a reason." },
     });
     if (reason === null) return;
     try {

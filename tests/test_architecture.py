@@ -41,7 +41,7 @@ MODULES = {
         app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
-        app.recent app.remarks app.insight app.round_trips app.recruiter
+        app.recent app.acts app.words app.insight app.round_trips app.recruiter
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props

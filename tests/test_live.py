@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.messages import Heartbeat, Notice
 from tests.lab_server import LabServer
-from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, visit
+from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, read, visit
 
 Line = dict[str, Any]
 
@@ -265,7 +265,7 @@ async def test_notes_marks_and_messages_are_events_with_who_and_what(quick_lab: 
             assert (await say(quick_lab, participant, "mark", {"text": "slipped"})).status_code == 200
         assert (await command(quick_lab, participant, "abort", "end of the test")).status_code == 200
         assert (await say(quick_lab, participant, "note", {"text": "afterwards"})).status_code == 200
-    told = events(quick_lab, participant, "note", "message", "task_marked")
+    told = read(quick_lab, participant, "note", "message", "task_marked")
     assert told == [
         ("note", {"by": "experimenter", "text": text}),
         ("message", {"by": "experimenter", "text": text}),

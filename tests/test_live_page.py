@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.lab_server import LabServer
-from tests.wire_client import events, invite, visit
+from tests.wire_client import events, invite, read, visit
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Locator, Page
@@ -100,11 +100,13 @@ def test_a_task_is_marked_and_what_cannot_be_done_says_why(page: Page, quick_lab
         assert "<i>slipped</i>" in part(page, "events").inner_text()
         refused = part(page, "resume")
         assert refused.get_attribute("aria-disabled") == "true"
+        part(page, "why-not").locator("summary").click()
         assert "Resume: The session is not paused." in part(page, "why-not").inner_text()
         refused.focus()
         page.keyboard.press("Enter")
+        part(page, "toast").get_by_text("The session is not paused.").wait_for()
         assert page.locator("dialog").count() == 0
-    assert [data["text"] for _, data in events(quick_lab, participant, "task_marked")] == ["<i>slipped</i>"]
+    assert [data["text"] for _, data in read(quick_lab, participant, "task_marked")] == ["<i>slipped</i>"]
 
 
 def test_a_message_stays_on_the_participants_page_until_it_is_put_away(
