@@ -14,7 +14,7 @@ from app.cycles import cycle_from_json
 from app.stage import Stage
 from app.surroundings import utc_text
 from app.trial_values import CycleStart
-from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, Ticked, WorkerReport
+from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study import protocol
 from study.design import reading
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
@@ -133,6 +133,8 @@ class Course:
             kind = "robot_held" if report.held else "robot_released"
             await stage.commit(events=(stage.event(kind, "lab", {}),))
             stage.audience.show_status(stage.status())
+        elif isinstance(report, SpectatorPort):
+            stage.onlookers.told(report.port)
         elif isinstance(report, Failed):
             await stage.commit(events=(stage.event("worker_failed", "lab", {"reason": report.reason}),))
 

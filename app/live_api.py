@@ -30,6 +30,7 @@ from app.recent import KEPT_EVENTS
 from app.session import LiveSession
 from app.sockets import HELLO_WITHIN_S, Places, same_origin
 from app.words import with_words
+from study.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession
 
@@ -51,6 +52,8 @@ class LiveReply(SessionReply):
     focused: bool | None
     sound: bool | None
     instruction: str | None
+    scene: str
+    """Why there is no 3-D view of this session now; "" when there is one."""
 
 
 class _Said(BaseModel):
@@ -93,7 +96,18 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
         focused=live.vitals.focused if connected and live else None,
         sound=live.vitals.sound if live else None,
         instruction=instruction(view, live.labels, practice).text if live and view else None,
+        scene=_no_scene(lab, stored, session, live),
     )
+
+
+def _no_scene(lab: Lab, stored: StoredSession, session: Session, live: LiveSession | None) -> str:
+    if not lab.config.scene:
+        return "This lab runs without 3-D scenes."
+    if stored.pace != "real_time":
+        return "Sessions in lockstep have no 3-D scene."
+    if session.worker is None:
+        return "There is no robot now: it is there before and during practices and trials."
+    return "" if live is not None and live.circumstances.ready else "The robot is not in place yet."
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from app.acts import EVENTS, Circumstances, Command, Remark, refuse_unless
 from app.audience import Audience, panel_page, refuse
 from app.course import Course
 from app.messages import Heartbeat, Input, Message, Pong
+from app.onlookers import Onlookers
 from app.phase import Phase
 from app.recent import Recent
 from app.round_trips import RoundTrips
@@ -70,6 +71,7 @@ class LiveSession:
             vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound),
             audience=self._audience,
             link=self._link,
+            onlookers=Onlookers(self._link),
             phase=Phase.resumed(resumed.distractor, resumed.tick),
             recent=Recent(resumed.events),
             round_trips=RoundTrips(around.now_unix_s),
@@ -96,6 +98,7 @@ class LiveSession:
             waiting = self._queue.get_nowait().done
             if waiting is not None:
                 waiting.cancel()
+        self._stage.onlookers.end()
         await self._stage.forget_phase()
         self._audience.end()
 
@@ -188,6 +191,11 @@ class LiveSession:
     def scene_port(self) -> int | None:
         """Port of the session's viser server on loopback, while a worker with a scene is up."""
         return self._link.scene_port
+
+    @property
+    def onlookers(self) -> Onlookers:
+        """The experimenters who look at it in 3-D."""
+        return self._stage.onlookers
 
     @property
     def setup(self) -> TrialSetup | None:

@@ -11,6 +11,7 @@ from app import pages
 from app.audience import Audience
 from app.cycles import cycle_to_json
 from app.messages import Instruction, Status
+from app.onlookers import Onlookers
 from app.pages import PageContext
 from app.phase import Phase
 from app.recent import Recent
@@ -43,6 +44,7 @@ class Stage:
     vitals: Vitals
     audience: Audience
     link: WorkerLink
+    onlookers: Onlookers
     phase: Phase
     recent: Recent
     round_trips: RoundTrips

@@ -73,3 +73,6 @@ VIEWS: Mapping[str, View] = MappingProxyType(
     }
 )
 """The views by name; the first is the one a session starts with."""
+
+ONLOOKER = View("onlooker", "From where an onlooker stands", (2.15, -1.3, 1.9), (0.55, 0.0, 0.82), math.radians(35))
+"""Where the experimenters' own cameras start."""

@@ -140,9 +140,9 @@ function createCard() {
   return h("section", { class: "board-card", "aria-labelledby": "create-title" }, h("h2", { id: "create-title" }, "New links"),
     h("div", { class: "create" },
       h("div", { class: "field" }, h("label", { for: countId }, "How many"), count),
-      h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (kept apart, never exported)"), label),
+      h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (never exported)"), label),
       add, addPilot, addDemo),
-    error, h("p", { class: "hint" }, "A link is shown only once, here: the lab keeps no readable copy. Pilot and demo sessions use no counterbalancing slot and stay out of exports (pilots can be exported when asked for)."), links);
+    error, h("p", { class: "hint" }, "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never."), links);
 }
 
 function linkRows({ participant, link, panel_link, kind, demo }) {
@@ -167,11 +167,11 @@ function sessionsCard() {
       toasts.show(`The data could not be downloaded: ${error.message}`, { problem: true });
     }
   }));
-  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, download)), rows.element);
+  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, rows.filter, download)), rows.element);
 }
 
-leave.addEventListener("click", () => {
-  api.setToken("");
+leave.addEventListener("click", async () => {
+  await api.leave();
   login();
 });
 document.body.append(h("div", { class: "app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard")), h("span", { class: "top-actions" }, signed, leave)), main, toasts.element));

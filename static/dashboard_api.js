@@ -77,6 +77,17 @@ export class Api {
     return (await this._ask(`/api/sessions/${encodeURIComponent(participant)}/heatmap?kind=${kind}`)).json();
   }
 
+  /** Lets the browser open what it asks for without a token: 3-D views and the report. */
+  async desk() {
+    await this._ask("/api/desk", { method: "POST" });
+  }
+
+  /** Takes that away again, as far as the lab can be reached. */
+  async leave() {
+    await this._ask("/api/desk", { method: "DELETE" }).catch(() => {});
+    this.setToken("");
+  }
+
   async download() {
     const answer = await this._ask("/api/export");
     const name = /filename="?([^";]+)/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "export.zip";

@@ -33,6 +33,7 @@ export class Live {
   /** The board is on the screen and the token is right. */
   start() {
     this.running = true;
+    this.page?.close();
     this.page = null;
     this.feed.start(this.api.token);
     this._route();
@@ -40,6 +41,7 @@ export class Live {
 
   stop() {
     this.running = false;
+    this.page?.close();
     this.page = null;
     this.feed.watch(null);
     this.feed.stop();
@@ -50,6 +52,7 @@ export class Live {
     if (participant === (this.page?.participant ?? "")) return;
     // The board is kept as it is: a new link is shown only once.
     if (!this.page) this.board = [...this.main.childNodes];
+    this.page?.close();
     this.feed.watch(participant || null);
     if (!participant) {
       const left = this.page.participant;

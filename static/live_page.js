@@ -5,6 +5,7 @@ import { freshId, h, icon, setText } from "./dom.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
 import { ask } from "./shell.js";
+import { Spectator } from "./spectator.js";
 
 const KEPT_TICKS = 120;
 const KEPT_EVENTS = 50;
@@ -39,15 +40,21 @@ export class SessionPage {
     this.scores = new LineChart({ title: "Score of the chosen action, last 60 s", digits: 3, testid: "chart-scores", series: [
       { key: "score", label: "Score" }, { key: "information", label: "Information part", dash: "7 4" }, { key: "goal", label: "Goal part", dash: "2 3" }] });
     this.plane = new PlaneView({ load: (kind) => api.heatmap(participant, kind) });
+    this.spectator = new Spectator({ api, participant, toasts });
     this.facts = h("dl", { class: "facts", data: { testid: "facts" } });
     this.list = h("ol", { class: "event-list", tabindex: "0", "aria-label": "Last events, newest first", data: { testid: "events" } });
     this.element = h("div", { class: "board live", data: { testid: "page-session" } },
       h("section", { class: "board-card" }, h("p", {}, h("a", { href: "#", data: { testid: "back" } }, "← All sessions")), this.title, this.state, this.instruction,
         h("div", { class: "act-groups" }, group("Session", this.commands), group("Participant and record", this.remarks)), this.whyBox),
       h("div", { class: "live-columns" },
-        card("What the robot believes", this.bars.element, this.entropy.element, this.scores.element),
+        h("div", { class: "live-side" }, this.spectator.element, card("What the robot believes", this.bars.element, this.entropy.element, this.scores.element)),
         h("div", { class: "live-side" }, card("Now", this.facts), card("Last events", this.list))),
       this.plane.element);
+  }
+
+  /** Another page takes the place of this one. */
+  close() {
+    this.spectator.end();
   }
 
   /** The session's line from the overview. */
@@ -69,6 +76,7 @@ export class SessionPage {
       setText(this.whyTitle, `Why ${reasons.length === 1 ? "one button" : `${reasons.length} buttons`} cannot act now`);
       this.why.replaceChildren(...reasons.map((reason) => h("li", {}, reason)));
     }
+    this.spectator.show(session.scene ?? "");
     this._facts();
   }
 
@@ -150,7 +158,7 @@ function card(title, ...children) {
 }
 
 function group(name, acts) {
-  return h("div", { class: "act-group", role: "group", "aria-label": name }, h("span", { class: "act-name", "aria-hidden": "true" }, name), h("div", { class: "buttons" }, acts.map((one) => one.element)));
+  return h("div", { class: "act-group buttons", role: "group", "aria-label": name }, acts.map((one) => one.element));
 }
 
 function words(action) {

@@ -20,6 +20,8 @@ from tests.wire_client import events, invite, seen_by_experimenter, stored, visi
 
 EXPERIMENTERS_ROUTES = [
     ("GET", "/api/sessions"),
+    ("POST", "/api/desk"),
+    ("DELETE", "/api/desk"),
     ("GET", "/api/export"),
     ("POST", "/api/participants"),
     ("GET", "/api/roster"),
