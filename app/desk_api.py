@@ -3,23 +3,26 @@
 POST   /api/desk                         with the token: a cookie for /dashboard, which scripts cannot read
 DELETE /api/desk                         takes it away
 GET    /dashboard/scene/{participant}/   the 3-D view with a camera to steer, and its WebSocket without the slash
+    GET    /dashboard/report/                the report of the data so far, and its figures below
 """
 
 from __future__ import annotations
 
 from fastapi import APIRouter, FastAPI, Request, Response, WebSocket
-from fastapi.responses import JSONResponse
+from fastapi.responses import FileResponse, JSONResponse
 
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.auth import desk_key, same_token
 from app.entrance import prefix
 from app.lab import Lab
+from app.reporter import PAGE
 from app.scene_proxy import proxy_scene, scene_page_response
 from app.sockets import Places, same_origin
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"
 MAX_ONLOOKERS = 20
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
 
@@ -66,6 +69,23 @@ def add_desk(app: FastAPI, lab: Lab) -> None:
         if not holds_desk(lab, request.cookies):
             return _forbidden()
         return scene_page_response(request.headers, steered=True)
+
+    @app.get("/dashboard/report/", include_in_schema=False)
+    async def report_page(request: Request) -> Response:
+        return _report_file(request, PAGE)
+
+    @app.get("/dashboard/report/figures/{name}", include_in_schema=False)
+    async def report_figure(request: Request, name: str) -> Response:
+        drawn = {f"{figure}.{ending}" for figure, _ in lab.reporter.status.figures for ending in ("svg", "png")}
+        return _report_file(request, f"figures/{name}" if name in drawn else None)
+
+    def _report_file(request: Request, name: str | None) -> Response:
+        if not holds_desk(lab, request.cookies):
+            return _forbidden()
+        if lab.reporter.status.state != "made" or name is None:
+            return JSONResponse({"detail": "there is no report now; make it from the dashboard"}, 404)
+        headers = {"Content-Security-Policy": REPORT_POLICY, "Cache-Control": "no-store"}
+        return FileResponse(lab.reporter.folder / name, headers=headers)
 
     @app.websocket("/dashboard/scene/{participant}")
     async def scene_socket(websocket: WebSocket, participant: str) -> None:

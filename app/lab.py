@@ -18,6 +18,7 @@ from app.course import OVERRUN_MS
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
+from app.reporter import Reporter
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings, utc_text
 from app.trial import CycleStart, inputs_of
@@ -59,6 +60,7 @@ class Lab:
     Attributes:
         config: how the lab runs.
         setup: the study that new participants get.
+        reporter: makes the report of the data so far.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
@@ -80,6 +82,7 @@ class Lab:
         self._probe: asyncio.Task[None] | None = None
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
+        self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
 
     # ---- life ---------------------------------------------------------------------------------------------------
 
@@ -101,6 +104,7 @@ class Lab:
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
+        await self.reporter.discard()  # of a lab that was killed
         self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
 
     async def close(self) -> None:
@@ -108,6 +112,7 @@ class Lab:
         if self._probe is not None:
             self._probe.cancel()
             await asyncio.gather(self._probe, return_exceptions=True)
+        await self.reporter.discard()
         await asyncio.gather(*(session.close() for session in self._live.values()))
         self._live.clear()
         if self._store is not None:
@@ -248,6 +253,7 @@ class Lab:
             if live is not None:
                 await live.close()
             is_clean = await self.store.run(lambda store: store.erase(participant, utc))
+            await self.reporter.discard()
         self.changed(participant)
         return is_clean
 

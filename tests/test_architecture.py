@@ -42,6 +42,7 @@ MODULES = {
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
         app.recent app.acts app.words app.insight app.gallery app.onlookers app.round_trips app.recruiter
+        app.reporter app.report_job
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props

@@ -29,6 +29,8 @@ EXPERIMENTERS_ROUTES = [
     ("GET", "/api/quality"),
     ("POST", "/api/quality/{participant}/{trial}"),
     ("GET", "/api/summary"),
+    ("GET", "/api/report"),
+    ("POST", "/api/report"),
     ("POST", "/api/participants/{participant}/reject"),
     ("POST", "/api/participants/{participant}/withdraw"),
     ("POST", "/api/participants/{participant}/erase"),
