@@ -101,7 +101,7 @@ function board() {
   leave.hidden = signed.hidden = false;
   roster.start();
   results.start();
-  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard(), roster.element, results.element));
+  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, h("h1", { class: "visually-hidden" }, "Sessions, roster and data"), createCard(), sessionsCard(), roster.element, results.element));
 }
 
 function createCard() {

@@ -93,7 +93,7 @@ export class Rows {
   _chosen(sessions) {
     const kind = this.choice.value || (sessions.length > MANY ? "under_way" : "all");
     if (kind === "all") return sessions;
-    return sessions.filter((session) => session.connected || session.help_wanted || !(OVER.has(session.state) || session.place === "consent"));
+    return sessions.filter((session) => session.connected || session.help_wanted || !(OVER.has(session.state) || session.place === "consent" || session.place === "eligibility"));
   }
 
   _make(participant) {

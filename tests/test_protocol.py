@@ -201,7 +201,7 @@ def test_leaving_stops_the_worker_and_keeps_the_reason(name: EventName) -> None:
 
 
 def test_practice_is_repeated_before_the_trial_begins_and_a_pause_stays_one() -> None:
-    ready, _ = run(new_session("P001", 3), *TO_TRIAL[:-1])
+    ready, _ = run(begun(), *TO_TRIAL[:-1])
     back, effects = advance(ready, "repeat_practice", 9.0)
     assert (back.state, back.trial, back.since_s) == ("practice_ready", 1, 9.0)
     assert effects == (StopWorker(), StartWorker("practice", 1))
@@ -212,9 +212,9 @@ def test_practice_is_repeated_before_the_trial_begins_and_a_pause_stays_one() ->
 
 
 def test_there_is_no_practice_to_repeat_during_one_in_a_trial_or_in_a_study_without() -> None:
-    without, _ = run(new_session("P001", 3, ["practice_ready"]), *TO_TRIAL[:4])
+    without, _ = run(new_session("P001", 3, ["eligibility", "practice_ready"]), *TO_TRIAL[:4])
     assert without.state == "trial_ready"
-    for session in (without, in_trial(), run(new_session("P001", 3), *TO_TRIAL[:5])[0]):
+    for session in (without, in_trial(), run(begun(), *TO_TRIAL[:5])[0]):
         with pytest.raises(IllegalEvent):
             advance(session, "repeat_practice", 1.0)
 
@@ -227,7 +227,7 @@ def test_an_aborted_trial_is_over_and_the_session_goes_on() -> None:
     assert (after.state, after.resume_to, effects) == ("paused", "survey", (StopWorker(),))
     lost, _ = advance(in_trial(), "connection_lost", 1.0)
     assert advance(lost, "abort_trial", 5.0)[0].state == "survey"
-    silent, _ = run(new_session("P001", 1, ["survey"]), *TO_TRIAL)
+    silent, _ = run(new_session("P001", 1, ["eligibility", "survey"]), *TO_TRIAL)
     assert advance(silent, "abort_trial", 5.0)[0].state == "debrief"
     for state in ("practice", "trial_ready", "survey"):
         with pytest.raises(IllegalEvent):

@@ -16,6 +16,7 @@ from app.report_job import STEPS, make_report, sentence
 from app.reporter import PAGE, Reporter
 from study.report import PAGE_NAME
 from study.store import open_store
+from tests.accessibility import findings
 from tests.analysis_samples import data_set, store_study
 from tests.lab_server import LabServer
 from tests.study_samples import UTC, shipped_study, trial_row
@@ -132,6 +133,7 @@ def test_an_experimenter_makes_and_opens_the_report(
         page.get_by_test_id("open-report").click()
     opened.value.get_by_role("heading", level=1).get_by_text("analysis").wait_for()
     assert opened.value.get_by_text("6 participants, 18 completed trials").count() == 1
+    assert findings(page, "dashboard with a report") + findings(opened.value, "report") == []
     names = [path.name for path in (filled / "report").iterdir()]
     assert sorted(names) == ["figures", "measures.json", "report.html", "tables"]
     missing = page.request.get(f"{place}figures/..%2Fmeasures.json")
