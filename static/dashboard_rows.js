@@ -39,7 +39,7 @@ function remarks(session) {
   else if (session.connected && session.focused === false) list.push("page without focus");
   if (session.sound === false) list.push("sound not heard");
   if (session.signals_per_s > 0) list.push(`${session.signals_per_s.toFixed(1)} signals/s`);
-  if (session.device) list.push(session.device);
+  if (session.device && session.device !== "none") list.push(session.device);
   if (session.pace === "lockstep") list.push("lockstep");
   return list.join("; ") || "–";
 }
@@ -116,7 +116,7 @@ export class Rows {
     const [sign, level] = LEVELS[session.state] ?? ["clock", ""];
     const place = session.state === "paused" && session.place ? ` (${(STATES[session.place] ?? session.place).toLowerCase()})` : "";
     mark(cells.state, sign, (STATES[session.state] ?? session.state) + place, level);
-    setText(cells.trial, WITHOUT_TRIAL.has(session.state) ? "–" : ratio(session.trial, session.trials));
+    setText(cells.trial, WITHOUT_TRIAL.has(session.place ?? session.state) ? "–" : `${ratio(session.trial, session.trials)}, ${session.condition.replaceAll("_", " ")}`);
     const time = session.trial_s > 0 ? `, ${session.trial_s.toFixed(1)} s` : "";
     setText(cells.task, session.tasks ? ratio(Math.min(session.done_tasks + 1, session.tasks), session.tasks) + time : "–");
     mark(cells.connection, ...connectionOf(session));

@@ -62,7 +62,7 @@ export class SessionPage {
     this.session = session;
     setText(this.title, [session.participant, session.demo ? "(demo)" : "", session.label ? `· ${session.label}` : ""].filter(Boolean).join(" "));
     const task = session.tasks ? ` · task ${Math.min(session.done_tasks + 1, session.tasks)} of ${session.tasks}` : "";
-    setText(this.state, `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition}${task}${session.help_wanted ? " · asks for help" : ""}`);
+    setText(this.state, `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition.replaceAll("_", " ")}${task}${session.help_wanted ? " · asks for help" : ""}`);
     setText(this.instruction, session.instruction ? `Instruction: ${session.instruction}` : "");
     const reasons = [];
     for (const { element, label, name } of [...this.commands, ...this.remarks]) {
@@ -167,8 +167,18 @@ function words(action) {
   return parts.length ? parts.join(" and ") : "stay";
 }
 
+function shown(value) {
+  if (typeof value === "number") return String(Math.round(value * 100) / 100);
+  return typeof value === "object" ? JSON.stringify(value) : value;
+}
+
 function eventLine({ utc, kind, source, data, tick }) {
-  const details = Object.entries(data).filter(([, value]) => value !== null && value !== "").map(([name, value]) => `${name}: ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ");
+  const { by, text, ...rest } = data;
+  const details = Object.entries(rest).filter(([, value]) => value !== null && value !== "").map(([name, value]) => `${name}: ${shown(value)}`).join(", ");
   const at = new Date(utc).toLocaleTimeString([], { hour12: false });
-  return h("li", {}, h("span", { class: "event-at" }, at), h("span", {}, h("strong", {}, kind.replaceAll("_", " ")), ` by ${source}${tick === null ? "" : `, tick ${tick}`}`, details ? h("span", { class: "event-details" }, details) : null), kind === "message" || kind === "note" || kind === "task_marked" ? icon("info") : null);
+  const who = by && by !== source ? `${source} ${by}` : source;
+  return h("li", {}, h("span", { class: "event-at" }, at),
+    h("span", {}, h("strong", {}, kind.replaceAll("_", " ")), ` by ${who}${tick === null ? "" : `, tick ${tick}`}`,
+      text ? h("span", { class: "event-words" }, `“${text}”`) : null, details ? h("span", { class: "event-details" }, details) : null),
+    text ? icon("info") : null);
 }
