@@ -11,6 +11,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import unquote
 
 import numpy as np
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
@@ -20,6 +21,7 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
+from app.acts import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.auth import Attempts
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
@@ -28,7 +30,7 @@ from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from app.planning import StudySetup
 from study.export import export_zip
-from study.protocol import Event, IllegalEvent, allowed
+from study.protocol import allowed
 from study.store import Kind, StoredSession
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
@@ -39,6 +41,9 @@ MAX_WEIGHT = 1e15
 """Beyond it a score has no digits left to tell two actions apart, and much beyond it none that is finite."""
 Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False, strict=True)]
 MAX_INVITATIONS = 200
+WHO_HEADER = "Salab-Who"
+"""Tells experimenters apart who share the one token. It proves nothing."""
+MAX_INITIALS = 20
 
 
 class _Body(BaseModel):
@@ -100,10 +105,13 @@ class SessionReply(BaseModel):
     device: str | None
     created_utc: str
     allowed: list[str]
+    """Events of the protocol that are possible now."""
+    why_not: dict[str, str]
+    """Act of an experimenter to the reason why it is not possible now; "" when it is."""
 
 
 class CommandRequest(_Body):
-    """Why; an abort must say so."""
+    """Why. The words are kept apart from the record and never exported; an abort must have some."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
 
@@ -187,10 +195,18 @@ def experimenter(request: Request) -> str:
     """Lets only the experimenter through."""
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and lab_of(request).is_experimenter(token.strip()):
-        return "experimenter"
+        return who_says(request.headers.get(WHO_HEADER, ""))
     if token:
         check_wrong_token(request, token)
     raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
+
+
+def who_says(given: str) -> str:
+    """What events say of who did something: the initials that came with the request, percent-encoded, if any did."""
+    initials = unquote(given).strip()
+    if len(initials) > MAX_INITIALS or not initials.isprintable():
+        raise HTTPException(422, f"{WHO_HEADER}: must be at most {MAX_INITIALS} printable characters")
+    return initials or "experimenter"
 
 
 def check_wrong_token(request: Request, token: str) -> None:
@@ -309,19 +325,20 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         device=live.vitals.device if live else None,
         created_utc=stored.created_utc,
         allowed=list(allowed(session)),
+        why_not={act: why_not(act, live.circumstances if live else Circumstances(session)) for act in ACTS},
     )
 
 
-def _command_route(name: str, make: Callable[[str | None], Event], needs_reason: bool, text: str) -> None:
+def _command_route(name: CommandName, text: str, needs_words: bool = False) -> None:
     async def route(participant: str, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
-        reason = (body.reason or "").strip() or None
-        if needs_reason and reason is None:
-            raise HTTPException(422, "reason: must not be empty; the record has to say why")
+        words = (body.reason or "").strip() or None
+        if needs_words and words is None:
+            raise HTTPException(422, "reason: must not be empty; it is kept with the session")
         try:
-            session = await lab.command(participant, make(reason), who)
+            session = await lab.command(participant, Command(name, words), who)
         except NoSuchParticipant as error:
             raise HTTPException(404, str(error)) from None
-        except IllegalEvent as error:
+        except NotNow as error:
             raise HTTPException(409, str(error)) from None
         return {"participant": participant, "state": session.session.state}
 
@@ -329,9 +346,12 @@ def _command_route(name: str, make: Callable[[str | None], Event], needs_reason:
     private.post(f"/sessions/{{participant}}/{name}", name=name)(route)
 
 
-_command_route("pause", lambda reason: Event("experimenter_pause", reason), False, "Hold the session where it is.")
-_command_route("resume", lambda reason: Event("experimenter_resume", reason), False, "Let the session go on.")
-_command_route("abort", lambda reason: Event("abort", reason), True, "End the session for good; its data stay.")
+_command_route("start", "Begin the practice or the trial that waits for its Start button.")
+_command_route("pause", "Hold the session where it is.")
+_command_route("resume", "Let the session go on.")
+_command_route("repeat_practice", "Back from a trial that has not begun to its practice.")
+_command_route("abort_trial", "End the trial that is under way; it stays, marked, and the session goes on.", True)
+_command_route("abort", "End the session for good; its data stay.", True)
 
 
 @private.get("/export")

@@ -20,6 +20,14 @@ def token_hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
+def desk_key(experimenter_token: str) -> str:
+    """What opens the pages of a dashboard that a browser asks for without our headers: frames, pictures, tabs.
+
+    It follows from the token and does not lead back to it.
+    """
+    return hmac.new(experimenter_token.encode(), b"desk", hashlib.sha256).hexdigest()
+
+
 def same_token(given: str, expected: str) -> bool:
     """Compare without telling by the time taken where they differ."""
     return hmac.compare_digest(given.encode(), expected.encode())

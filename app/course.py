@@ -10,8 +10,10 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from app import pages
+from app.cycles import cycle_from_json
 from app.stage import Stage
-from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, Ticked, WorkerReport
+from app.trial_values import CycleStart
+from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study import protocol
 from study.design import reading
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
@@ -56,22 +58,40 @@ class Course:
             events = (*events, stage.event("state", "lab", data))
         if after.is_over:
             rows["finished_utc"] = stage.around.now_utc()
-            if before.place == "trial":
-                rows["trials"] = (await self._closed_trial("aborted"),)
-                rows["alerts"] = [item.alert for item in stage.phase.close_distractor()]
+        if before.place == "trial" and after.place != "trial" and event.name != "trial_done":
+            rows["trials"] = (await self._closed_trial("aborted"),)
+            rows["alerts"] = [item.alert for item in stage.phase.close_distractor()]
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             stage.vitals.overruns = 0
             rows["trials"] = (replace(stage.around.trial_row(after.trial), started_utc=stage.around.now_utc()),)
+        again = await self._practice_again() if event.name == "repeat_practice" else None
+        if again is not None:
+            rows |= {"cycle": again, "practice": True}
         await stage.commit(session=after, events=events, **rows)
         stage.session = after
         on_disk()
         await self._carry_out(effects)
+        if again is not None:
+            stage.phase.numbered_on(again.first_tick)
         if after.worker and after.state != "paused" and not stage.link.is_up:
             # Another try, after the experimenter let a session go on whose worker had ended too often.
             stage.link.restarts = 0
             await stage.link.start(*after.worker)
         if after != before:
             stage.show_all()
+
+    async def _practice_again(self) -> CycleStart:
+        """Practice goes on after its last tick with another cycle, as it does when the block was not moved: what was
+        recorded keeps its numbers, and a worker that is replaced re-runs this cycle alone."""
+        participant, trial = self._stage.enrolment.participant, self._stage.session.trial
+        last, rows = await self._stage.around.store.run(
+            lambda store: (
+                store.last_cycle(participant, trial, practice=True),
+                store.rows_of("practice_ticks", participant, trial=trial),
+            )
+        )
+        cycle = cycle_from_json(last.start).cycle if last else CycleStart().cycle
+        return CycleStart(cycle + 1, rows[-1].tick + 1 if rows else 0)
 
     async def _carry_out(self, effects: tuple[protocol.Effect, ...]) -> None:
         link = self._stage.link
@@ -110,6 +130,8 @@ class Course:
             kind = "robot_held" if report.held else "robot_released"
             await stage.commit(events=(stage.event(kind, "lab", {}),))
             stage.audience.show_status(stage.status())
+        elif isinstance(report, SpectatorPort):
+            stage.onlookers.told(report.port)
         elif isinstance(report, Failed):
             await stage.commit(events=(stage.event("worker_failed", "lab", {"reason": report.reason}),))
 
@@ -171,6 +193,7 @@ class Course:
             "tasks": () if practice else result.tasks,
             "alerts": [item.alert for item in changed],
             "cycle": result.cycle_start,
+            "practice": practice,
         }
         tick = pages.tick_message(result, report.seq, before, labels, practice, stage.around.study.show_assistance)
 

@@ -11,23 +11,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from app.acts import Command, Remark
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
 from app.cycles import cycle_from_json
 from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
-from app.remarks import Remark
+from app.reporter import Reporter
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings
 from app.trial import CycleStart, inputs_of
-from app.words import with_words
+from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.design import Study, load_study, parse_study, plan_session
 from study.distractor import from_rows
-from study.protocol import Event
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
 from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
@@ -59,6 +59,7 @@ class Lab:
     Attributes:
         config: how the lab runs.
         setup: the study that new participants get.
+        reporter: makes the report of the data so far.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
@@ -80,6 +81,7 @@ class Lab:
         self._probe: asyncio.Task[None] | None = None
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
+        self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
 
     # ---- life ---------------------------------------------------------------------------------------------------
 
@@ -101,6 +103,7 @@ class Lab:
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
+        await self.reporter.discard()  # of a lab that was killed
         self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
 
     async def close(self) -> None:
@@ -108,6 +111,7 @@ class Lab:
         if self._probe is not None:
             self._probe.cancel()
             await asyncio.gather(self._probe, return_exceptions=True)
+        await self.reporter.discard()
         await asyncio.gather(*(session.close() for session in self._live.values()))
         self._live.clear()
         if self._store is not None:
@@ -221,10 +225,18 @@ class Lab:
 
     async def reject(self, participant: str, reason: str, by: str) -> bool:
         """Give the participant's cell out again; False when somebody was quicker. What was recorded stays."""
-        data = json.dumps({"by": by, "reason": reason})
+        data, private = apart("rejected", reason)
         utc = utc_text(self._now_unix_s())
-        event = EventRow(participant, None, None, utc, "rejected", "experimenter", data)
-        rejected = await self.store.run(lambda store: store.reject(participant, event))
+        event = EventRow(participant, None, None, utc, "rejected", "experimenter", json.dumps({"by": by, **data}))
+
+        def write(store: Store) -> bool:
+            if not store.reject(participant, event):
+                return False
+            for name, words in private:
+                store.add_identity(participant, name, words)
+            return True
+
+        rejected = await self.store.run(write)
         self.changed(participant)
         return rejected
 
@@ -240,6 +252,7 @@ class Lab:
             if live is not None:
                 await live.close()
             is_clean = await self.store.run(lambda store: store.erase(participant, utc))
+            await self.reporter.discard()
         self.changed(participant)
         return is_clean
 
@@ -289,17 +302,17 @@ class Lab:
             self._live[participant].expect()
             return self._live[participant]
 
-    async def command(self, participant: str, event: Event, by: str) -> LiveSession:
-        """An experimenter's pause, resume or abort.
+    async def command(self, participant: str, command: Command, by: str) -> LiveSession:
+        """Something an experimenter does with a session.
 
-        Raises `NoSuchParticipant`, and `study.protocol.IllegalEvent` when the session has moved on.
+        Raises `NoSuchParticipant`, and `app.acts.NotNow` when the session has moved on.
         """
         session = await self.session(await self.stored_session(participant))
-        await session.command(event, by)
+        await session.command(command, by)
         return session
 
     async def remark(self, participant: str, remark: Remark, by: str) -> LiveSession:
-        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.remarks.NotNow`."""
+        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.acts.NotNow`."""
         session = await self.session(await self.stored_session(participant))
         await session.remark(remark, by)
         return session
@@ -410,7 +423,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         sound=setups[-1].get("sound") if setups else None,
-        events=with_words(events, store.identities(participant))[-KEPT_EVENTS:],
+        events=events[-KEPT_EVENTS:],
     )
 
 

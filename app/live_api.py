@@ -21,17 +21,18 @@ from typing import Annotated, Any
 from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from app.acts import NotNow, Remark, RemarkName
 from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
 from app.insight import Plane, PlaneKind, Thought, plane_of, thought_of
 from app.lab import Lab, NoSuchParticipant
 from app.pages import instruction
 from app.recent import KEPT_EVENTS
-from app.remarks import KINDS, NotNow, Remark, RemarkKind, why_not
 from app.session import LiveSession
 from app.sockets import HELLO_WITHIN_S, Places, same_origin
 from app.words import with_words
+from study.protocol import Session
 from study.records import EventRow
-from study.store import Store, StoredSession
+from study.store import StoredSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
@@ -51,8 +52,8 @@ class LiveReply(SessionReply):
     focused: bool | None
     sound: bool | None
     instruction: str | None
-    why_not: dict[str, str]
-    """Remark to the reason why it cannot be made now; "" when it can."""
+    scene: str
+    """Why there is no 3-D view of this session now; "" when there is one."""
 
 
 class _Said(BaseModel):
@@ -83,7 +84,7 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
     """What the dashboard shows of one session."""
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session
-    connected, wanted = (live.connected, live.vitals.help_wanted) if live else (False, False)
+    connected = live.connected if live else False
     view = live.view if live else None
     practice = session.place in ("practice_ready", "practice")
     return LiveReply(
@@ -95,8 +96,18 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
         focused=live.vitals.focused if connected and live else None,
         sound=live.vitals.sound if live else None,
         instruction=instruction(view, live.labels, practice).text if live and view else None,
-        why_not={kind: why_not(kind, session, connected, wanted) for kind in KINDS},
+        scene=_no_scene(lab, stored, session, live),
     )
+
+
+def _no_scene(lab: Lab, stored: StoredSession, session: Session, live: LiveSession | None) -> str:
+    if not lab.config.scene:
+        return "This lab runs without 3-D scenes."
+    if stored.pace != "real_time":
+        return "Sessions in lockstep have no 3-D scene."
+    if session.worker is None:
+        return "There is no robot now: it is there before and during practices and trials."
+    return "" if live is not None and live.circumstances.ready else "The robot is not in place yet."
 
 
 @dataclass(frozen=True)
@@ -211,7 +222,7 @@ class Stream:
         if live is None:
             if self._fresh:
                 self._fresh = False
-                events = await asyncio.to_thread(_told, self._lab.store.store, participant)
+                events = await asyncio.to_thread(self._lab.store.store.rows_of, "events", participant)
                 await self._send_news(participant, True, [], events[-KEPT_EVENTS:])
             return
         if live is not self._watched_live:
@@ -234,27 +245,22 @@ class Stream:
     ) -> None:
         if participant != self._watched:
             return  # another one was opened meanwhile
+        data = [json.loads(row.data) for row in events]
+        if any("words" in one for one in data):
+            identities = await asyncio.to_thread(self._lab.store.store.identities, participant)
+            data = with_words(events, identities)
         await self._send(
             {
                 "type": "watched",
                 "participant": participant,
                 "since_start": fresh,
                 "ticks": [asdict(thought) for thought in thoughts],
-                "events": [_event(row) for row in events],
+                "events": [{**asdict(row), "data": one} for row, one in zip(events, data, strict=True)],
             }
         )
 
     async def _send(self, message: Mapping[str, Any]) -> None:
         await self._websocket.send_text(json.dumps(message))
-
-
-def _told(store: Store, participant: str) -> tuple[EventRow, ...]:
-    """All that happened to a participant, with the words that are kept apart."""
-    return with_words(store.rows_of("events", participant), store.identities(participant))
-
-
-def _event(row: EventRow) -> dict[str, Any]:
-    return {**asdict(row), "data": json.loads(row.data)}
 
 
 async def _message(websocket: WebSocket, kind: type[Any]) -> Any:
@@ -349,12 +355,12 @@ async def _remark(lab: Lab, participant: str, remark: Remark, who: str) -> dict[
         raise HTTPException(404, str(error)) from None
     except NotNow as error:
         raise HTTPException(409, str(error)) from None
-    return {"participant": participant, "recorded": remark.kind}
+    return {"participant": participant, "recorded": remark.name}
 
 
-def _remark_route(path: str, kind: RemarkKind, text: str) -> None:
+def _remark_route(path: str, name: RemarkName, text: str) -> None:
     async def route(participant: str, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
-        return await _remark(lab, participant, Remark(kind, body.text), who)
+        return await _remark(lab, participant, Remark(name, body.text), who)
 
     route.__doc__ = text
     private.post(f"/sessions/{{participant}}/{path}", name=path)(route)

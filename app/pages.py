@@ -33,6 +33,9 @@ FAILURES: Mapping[str, str] = {
 }
 
 
+ENDED_EARLY = "This round was ended early. Please go on from here."
+
+
 @dataclass(frozen=True)
 class Labels:
     """The words for objects and bins, by id."""

@@ -12,6 +12,7 @@ from sim.interface import Robot
 
 if TYPE_CHECKING:
     from sim.scene import SceneView
+    from sim.spectator import SpectatorView
 
 ROBOTS = ("bullet", "kinematic")
 
@@ -34,3 +35,10 @@ def make_scene() -> SceneView:
     from sim.scene import SceneView
 
     return SceneView()
+
+
+def make_spectator_view(beside: SceneView) -> SpectatorView:
+    """The 3-D view of one session for experimenters, with the meshes of the participant's."""
+    from sim.spectator import SpectatorView
+
+    return SpectatorView(beside.look)

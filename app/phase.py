@@ -32,6 +32,10 @@ class Phase:
         """The phase whose last tick on disk is `tick`."""
         return cls(distractor, tick, 0.0 if tick is None else (tick + 1) * TICK_S)
 
+    def numbered_on(self, tick: int) -> None:
+        """Its first tick will be this one."""
+        self.tick, self.trial_s = (tick - 1, tick * TICK_S) if tick else (None, 0.0)
+
     def copy(self) -> Phase:
         """As it is now."""
         return replace(self)

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.acts import NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from study.design import Study
 from study.records import EventRow, StudyError, TrialRow, utc_text
@@ -119,7 +120,8 @@ async def read_quality(
 
 @router.post("/quality/{participant}/{trial}")
 async def override(participant: str, trial: int, body: OverrideRequest, lab: TheLab, who: Experimenter) -> VerdictLine:
-    """Let another verdict count, with the reason. The automatic one stays beside it, and an event says who and when."""
+    """Let another verdict count, with the reason, which is exported with the trial. The automatic one stays beside it,
+    and an event says who and when."""
     utc, reason = utc_text(time.time()), body.reason.strip()
 
     def write(store: Store) -> TrialRow | None:
@@ -127,7 +129,7 @@ async def override(participant: str, trial: int, body: OverrideRequest, lab: The
         if not found or found[0].quality is None:
             return None
         row: TrialRow = replace(found[0], quality_override=body.verdict, quality_reason=reason)
-        data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict, "reason": reason}
+        data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict}
         event = EventRow(participant, trial, None, utc, "quality_override", "experimenter", json.dumps(data))
         store.commit(trials=[row], events=[event])
         return row
@@ -145,17 +147,21 @@ async def summary(lab: TheLab, who: Experimenter) -> SummaryReply:
 
 
 def summarise(store: Store, study: Study) -> SummaryReply:
-    """What `GET /api/summary` answers; three passes over the record, however many participants."""
+    """What `GET /api/summary` answers; three passes over the record, however many participants. As in the report,
+    questionnaires about a trial that was not completed do not count."""
     trials: dict[str, int] = {"completed": 0, "aborted": 0, "running": 0}
     alerts: dict[str, int] = {"answered": 0, "expired": 0, "trial_ended": 0, "open": 0}
     answers: dict[tuple[str, str, int, str], dict[str, int]] = defaultdict(dict)
+    completed: set[tuple[str, int | None]] = set()
     with store.snapshot() as recorded:
         for row in recorded.rows("trials"):
             trials[row.outcome] += 1
+            if row.outcome == "completed":
+                completed.add((row.participant, row.trial))
         for row in recorded.rows("alerts"):
             alerts[row.status] += 1
         for row in recorded.rows("survey_answers"):
-            if row.condition is not None and row.value.isdecimal():
+            if (row.participant, row.trial) in completed and row.value.isdecimal():
                 answers[row.participant, row.condition, row.trial, row.instrument][row.item] = int(row.value)
     forms = {form.id: form for form in study.instruments}
     scores: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -169,6 +175,48 @@ def summarise(store: Store, study: Study) -> SummaryReply:
         for (instrument, condition), values in sorted(scores.items())
     ]
     return SummaryReply(trials=trials, alerts=alerts, scores=lines)
+
+
+class FigureLine(BaseModel):
+    """A figure of the report, at `/dashboard/report/figures/NAME.svg` and `.png`."""
+
+    name: str
+    title: str
+
+
+class ReportReply(BaseModel):
+    """The report of the data so far: `state` none, making, made or cannot, and how far it is or why it cannot be."""
+
+    state: str
+    text: str
+    step: int
+    of: int
+    made_utc: str | None
+    participants: int
+    trials: int
+    figures: list[FigureLine]
+
+
+def _report(lab: TheLab) -> ReportReply:
+    status = lab.reporter.status
+    figures = [FigureLine(name=name, title=title) for name, title in status.figures]
+    return ReportReply.model_validate({**vars(status), "figures": figures})
+
+
+@router.get("/report")
+async def read_report(lab: TheLab, who: Experimenter) -> ReportReply:
+    """How far the report is."""
+    return _report(lab)
+
+
+@router.post("/report", status_code=202)
+async def make_report(lab: TheLab, who: Experimenter) -> ReportReply:
+    """Make the report of the data so far, without pilots and demos, in a process of its own."""
+    try:
+        lab.reporter.start()
+    except NotNow as error:
+        raise HTTPException(409, str(error)) from None
+    return _report(lab)
 
 
 def add_results_api(app: FastAPI) -> None:

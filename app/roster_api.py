@@ -10,10 +10,10 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.acts import Command, NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.lab import Lab, NoSuchParticipant
 from study import roster
-from study.protocol import Event, IllegalEvent
 from study.recruiting import open_link
 from study.roster import ACTS, Act, Enrolled
 from study.store import Store, StoredSession
@@ -259,10 +259,10 @@ async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Ex
     keep = body.keep if body.keep is not None else lab.setup.study.consent.on_withdrawal == "keep"
     reason = (body.reason or "").strip() or None
     try:
-        await lab.command(participant, Event("withdraw", reason), who)
+        await lab.command(participant, Command("withdraw", reason), who)
         if not keep:
             await lab.erase(participant)
-    except IllegalEvent as error:
+    except NotNow as error:
         raise HTTPException(409, str(error)) from None
     except NoSuchParticipant as error:
         raise HTTPException(404, str(error)) from None

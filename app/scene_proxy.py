@@ -1,7 +1,9 @@
-"""The participant's window onto a worker's viser server: its page, made fit for a study, and its WebSocket, filtered.
+"""The window onto a worker's viser server: its page, made fit for a study, and its WebSocket, filtered.
 
     browser ── GET /s/<id>/scene/ ──► the client page, from the installed package, patched here
             ══ WebSocket /s/<id>/scene ══► `proxy_scene` ══► ws://127.0.0.1:<port>  (viser, loopback only)
+
+The same for experimenters at /dashboard/scene/<participant>/, onto the server of their own, with a camera they steer.
 
 Towards the browser everything passes. From the browser only messages about its camera and rendered frames do: viser
 would also let any client open a public tunnel to the session, write files or press controls. Who may connect at all,
@@ -49,16 +51,19 @@ CLOSE_TOO_BIG = 1009
 CLOSE_TRY_LATER = 1013
 
 # The page's own background shows through the canvas; a soft light above, the floor's colour below.
-_STYLE = """
+_LOOK = """
 html, body, #root { background: radial-gradient(120% 90% at 50% 30%, #5b6672 0%, #3c444e 55%, #2a3038 100%) !important;
   overflow: hidden; }
-body { pointer-events: none; user-select: none; }
-body * { pointer-events: none !important; }
+body { user-select: none; }
 #root * { background: transparent !important; }
 /* Only the picture: no panels, notices, logo, palette, frame rate. */
 body > *:not(#root):not(script):not(style), .mantine-Notifications-root, .mantine-Paper-root, .mantine-Modal-root,
 .mantine-ActionIcon-root, .stats-panel, [title="About Viser"], [data-mantine-shared-portal-node] {
   display: none !important; }
+"""
+_FIXED_LOOK = """
+body { pointer-events: none; }
+body * { pointer-events: none !important; }
 """
 
 # Runs before the client does. The client starts a worker that owns the WebSocket and reports "connected" and
@@ -109,7 +114,14 @@ _SCRIPT = """
       });
     }
   };
-  // The camera is the study's: no key or pointer reaches the client. Keys that land here go to the page around.
+})();
+"""
+
+# The participant's camera is the study's: no key or pointer reaches the client. Keys that land here go to the page
+# around.
+_FIXED_SCRIPT = """
+(() => {
+  "use strict";
   for (const name of ["keydown", "keyup", "keypress"]) {
     window.addEventListener(name, (event) => {
       event.stopImmediatePropagation();
@@ -121,6 +133,16 @@ _SCRIPT = """
   for (const name of ["pointerdown", "pointermove", "pointerup", "wheel", "contextmenu", "touchstart", "dblclick"]) {
     window.addEventListener(name, (event) => event.stopImmediatePropagation(), { capture: true, passive: true });
   }
+})();
+"""
+
+# An experimenter steers their own camera: by pointer, or by keys while the picture has the focus. Escape gives it back.
+_STEERED_SCRIPT = """
+(() => {
+  "use strict";
+  window.addEventListener("keydown", (event) => {
+    if (event.code === "Escape") window.parent.postMessage({ type: "scene_leave" }, location.origin);
+  }, true);
 })();
 """
 
@@ -160,8 +182,8 @@ def client_path() -> Path:
     return path
 
 
-def patched(html: str) -> str:
-    """viser's page with our style and script first in its head.
+def patched(html: str, steered: bool = False) -> str:
+    """viser's page with our style and script first in its head; its camera can be `steered`, or is fixed.
 
     Raises:
         SceneError: the page has no head to put them into.
@@ -169,13 +191,15 @@ def patched(html: str) -> str:
     before, head, after = html.partition("<head>")
     if not head:
         raise SceneError("viser's client page has no <head>; this version of viser is not known to the lab")
-    return f"{before}{head}<script>{_SCRIPT}</script><style>{_STYLE}</style>{after}"
+    script = _SCRIPT + (_STEERED_SCRIPT if steered else _FIXED_SCRIPT)
+    style = _LOOK + ("" if steered else _FIXED_LOOK)
+    return f"{before}{head}<script>{script}</script><style>{style}</style>{after}"
 
 
-@lru_cache(maxsize=1)
-def scene_page() -> ScenePage:
+@lru_cache(maxsize=2)
+def scene_page(steered: bool = False) -> ScenePage:
     """The page, read, patched and compressed once per process. Raises `SceneError` as `client_path` does."""
-    html = patched(client_path().read_text(encoding="utf-8")).encode()
+    html = patched(client_path().read_text(encoding="utf-8"), steered).encode()
     tag = hashlib.sha256(html).hexdigest()[:20]
     return ScenePage(html, gzip.compress(html, 9, mtime=0), f'"{tag}"')
 
@@ -185,9 +209,9 @@ def scene_client_html() -> bytes:
     return scene_page().html
 
 
-def scene_page_response(headers: Headers) -> Response:
+def scene_page_response(headers: Headers, steered: bool = False) -> Response:
     """Answer `GET /s/<id>/scene/`: 304 when the browser has the page, gzip when it takes it."""
-    page = scene_page()
+    page = scene_page(steered)
     known = {
         "ETag": page.etag,
         "Cache-Control": "private, no-cache",

@@ -18,6 +18,7 @@ from starlette.exceptions import HTTPException
 from app import sockets
 from app.api import add_api
 from app.config import LabError
+from app.desk_api import add_desk
 from app.entrance import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.join_api import STATUS, add_join, look
 from app.lab import Lab, NoSuchParticipant
@@ -66,6 +67,7 @@ def create_app(lab: Lab) -> FastAPI:
     add_results_api(app)
     add_live(app, lab)
     add_join(app, lab)
+    add_desk(app, lab)
     _add_errors(app)
     _add_pages(app, lab)
     _add_sockets(app, lab)

@@ -21,19 +21,20 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from app import pages
+from app.acts import EVENTS, Circumstances, Command, Remark, refuse_unless
 from app.audience import Audience, panel_page, refuse
 from app.course import Course
 from app.messages import Heartbeat, Input, Message, Pong
+from app.onlookers import Onlookers
 from app.phase import Phase
 from app.recent import Recent
-from app.remarks import Remark, refuse_unless
 from app.round_trips import RoundTrips
 from app.stage import Stage
 from app.submissions import Submissions
 from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
 from app.trial import TrialView
 from app.trial_values import TrialSetup
-from app.words import KEPT_AS
+from app.words import apart
 from app.worker_link import WorkerLink
 from app.worker_messages import Hands, WorkerReport
 from study.protocol import Event, Session
@@ -70,6 +71,7 @@ class LiveSession:
             vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound),
             audience=self._audience,
             link=self._link,
+            onlookers=Onlookers(self._link),
             phase=Phase.resumed(resumed.distractor, resumed.tick),
             recent=Recent(resumed.events),
             round_trips=RoundTrips(around.now_unix_s),
@@ -96,6 +98,7 @@ class LiveSession:
             waiting = self._queue.get_nowait().done
             if waiting is not None:
                 waiting.cancel()
+        self._stage.onlookers.end()
         await self._stage.forget_phase()
         self._audience.end()
 
@@ -114,12 +117,12 @@ class LiveSession:
         else:
             self._queue.put_nowait(_Work("message", message, client))
 
-    async def command(self, event: Event, by: str) -> None:
-        """An experimenter's pause, resume or abort. Raises `study.protocol.IllegalEvent`."""
-        await self._done(_Work("command", (event, by)))
+    async def command(self, command: Command, by: str) -> None:
+        """Something an experimenter does with the session. Raises `app.acts.NotNow`."""
+        await self._done(_Work("command", (command, by)))
 
     async def remark(self, remark: Remark, by: str) -> None:
-        """An experimenter's note, mark or message. Raises `app.remarks.NotNow`."""
+        """Something an experimenter says about the session or to its participant. Raises `app.acts.NotNow`."""
         await self._done(_Work("remark", (remark, by)))
 
     def probe(self) -> None:
@@ -158,6 +161,18 @@ class LiveSession:
         return self._stage.recent
 
     @property
+    def circumstances(self) -> Circumstances:
+        """What decides what an experimenter can do now."""
+        stage = self._stage
+        return Circumstances(
+            session=stage.session,
+            connected=self.connected,
+            ready=self._link.ready,
+            lacks_panel=stage.lacks_panel(),
+            help_wanted=stage.vitals.help_wanted,
+        )
+
+    @property
     def view(self) -> TrialView | None:
         """The trial as it stands, if one is under way."""
         return self._stage.phase.view
@@ -176,6 +191,11 @@ class LiveSession:
     def scene_port(self) -> int | None:
         """Port of the session's viser server on loopback, while a worker with a scene is up."""
         return self._link.scene_port
+
+    @property
+    def onlookers(self) -> Onlookers:
+        """The experimenters who look at it in 3-D."""
+        return self._stage.onlookers
 
     @property
     def setup(self) -> TrialSetup | None:
@@ -340,23 +360,27 @@ class LiveSession:
     # ---- the experimenter ---------------------------------------------------------------------------------------
 
     async def _on_command(self, work: _Work) -> None:
-        event, by = work.payload
-        data = {"by": by, "reason": event.reason}
-        await self._course.advance(event, events=(self._stage.event(event.name, "experimenter", data),))
+        command, by = work.payload
+        refuse_unless(command.name, self.circumstances)
+        kind = EVENTS[command.name]
+        data, private = apart(kind, command.words)
+        event = self._stage.event(kind, "experimenter", {"by": by, **data})
+        await self._course.advance(Event(kind), events=(event,), private=private)
+        if command.name == "abort_trial":
+            self._audience.show_notice(pages.ENDED_EARLY)
         self._stage.measure()
 
     async def _on_remark(self, work: _Work) -> None:
         remark, by = work.payload
         stage, view = self._stage, self.view
-        refuse_unless(remark.kind, stage.session, self.connected, stage.vitals.help_wanted)
-        task = {"task": view.done_tasks + 1, "kind": view.kind} if view and remark.kind == "task_marked" else {}
-        apart = ((remark.kind, remark.text),) if remark.kind in KEPT_AS else ()
-        said = {"has_words": True} if apart else {"text": remark.text}
-        event = stage.event(remark.kind, "experimenter", {"by": by, **said, **task})
-        await stage.commit(events=(event,), private=apart)
-        if remark.kind == "message":
+        refuse_unless(remark.name, self.circumstances)
+        task = {"task": view.done_tasks + 1, "kind": view.kind} if view and remark.name == "task_marked" else {}
+        data, private = apart(remark.name, remark.text)
+        event = stage.event(remark.name, "experimenter", {"by": by, **task, **data})
+        await stage.commit(events=(event,), private=private)
+        if remark.name == "message":
             self._audience.show_notice(remark.text)
-        elif remark.kind == "help_seen":
+        elif remark.name == "help_seen":
             stage.vitals.help_wanted = False
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -11,13 +11,14 @@ from app import pages
 from app.audience import Audience
 from app.cycles import cycle_to_json
 from app.messages import Instruction, Status
+from app.onlookers import Onlookers
 from app.pages import PageContext
 from app.phase import Phase
 from app.recent import Recent
 from app.round_trips import RoundTrips
 from app.surroundings import Enrolment, Surroundings, Vitals
 from app.trial import CycleStart
-from app.words import with_words
+from app.words import Private
 from app.worker_link import WorkerLink
 from study.distractor import DistractorState
 from study.eligibility import PINGS, Check, checks_of
@@ -43,6 +44,7 @@ class Stage:
     vitals: Vitals
     audience: Audience
     link: WorkerLink
+    onlookers: Onlookers
     phase: Phase
     recent: Recent
     round_trips: RoundTrips
@@ -60,27 +62,26 @@ class Stage:
         cycle: CycleStart | None = None,
         submission: str | None = None,
         response: Mapping[str, Any] | None = None,
-        private: Sequence[tuple[str, str]] = (),
+        private: Private = (),
+        practice: bool = False,
         **rows: Any,
     ) -> None:
         """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
 
         `submission` is the message that caused it, `response` what a resend of the same message is answered with.
-        `private` are words that may identify somebody, kept apart from the events (see `app.words`).
+        `private` are words that no export holds (see `app.words`), `practice` is what a `cycle` belongs to.
         """
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.phase.distractor
         condition = self.enrolment.plan.trial(trial).condition
         found = [distractor.alert(number) for number in dict.fromkeys(alerts)]
         alert_rows = [distractor.row(alert, participant, condition, trial) for alert in found if alert]
-        practice = bool(rows.get("practice_ticks"))
         cycles = [Cycle(participant, trial, practice, cycle.cycle, cycle_to_json(cycle))] if cycle else []
         apart = [(participant, kind, text) for kind, text in private]
         sent = (participant, submission, dict(response or {})) if submission else None
         await self.around.store.run(
             lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
         )
-        events = with_words(rows.get("events", ()), private)
-        self.recent.add_events(event for event in events if event.kind != "round_trip")
+        self.recent.add_events(event for event in rows.get("events", ()) if event.kind != "round_trip")
 
     def event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:
         """A row about this moment."""
@@ -108,6 +109,12 @@ class Stage:
         self.noticed.clear()
         self.recent.forget_ticks()
         await self.link.stop()
+
+    def lacks_panel(self) -> bool:
+        """Whether a trial is next and its readings would appear on a second device that nobody has opened."""
+        distractor = self.around.study.distractor
+        on_panel = distractor.enabled and distractor.placement == "second_device"
+        return self.session.place == "trial_ready" and on_panel and self.audience.panel is None
 
     def is_away(self) -> bool:
         """Whether a reading keeps the hands off the pad."""

@@ -57,8 +57,8 @@ class Outcome:
     answers: tuple[SurveyAnswerRow, ...] = ()
     consent_hash: str | None = None
     log: Mapping[str, Any] | None = None
-    private: tuple[tuple[str, str], ...] = ()
-    """(kind, words) that may identify somebody: kept apart, never exported."""
+    words: str | None = None
+    """What was typed freely and may identify somebody: kept apart, never exported."""
 
 
 @dataclass(frozen=True)
@@ -261,17 +261,11 @@ def _debrief(context: StepContext, data: Mapping[str, Any]) -> Outcome:
 
 
 def _withdraw(context: StepContext, data: Mapping[str, Any]) -> Outcome:
-    reason = parse(ReasonData, data).reason
-    return Outcome(Event("withdraw"), log={"has_words": bool(reason)}, private=_words("withdraw_reason", reason))
+    return Outcome(Event("withdraw"), words=parse(ReasonData, data).reason)
 
 
 def _help(context: StepContext, data: Mapping[str, Any]) -> Outcome:
-    text = parse(HelpData, data).text
-    return Outcome(log={"has_words": bool(text)}, private=_words("help", text))
-
-
-def _words(kind: str, text: str | None) -> tuple[tuple[str, str], ...]:
-    return ((kind, text),) if text else ()
+    return Outcome(words=parse(HelpData, data).text)
 
 
 def _plain(event: Literal["start", "continue", "resume"]) -> Callable[[StepContext, Mapping[str, Any]], Outcome]:

@@ -12,6 +12,7 @@ from app.messages import Message, Note, Submit, View
 from app.stage import Stage
 from app.steps import STEPS, AlertData, Refused, StepContext, parse
 from app.surroundings import Client
+from app.words import apart
 from app.worker_messages import SetView
 from study import protocol
 from study.records import EventRow
@@ -89,16 +90,17 @@ class Submissions:
             lacking=stage.lacking,
         )
         outcome = STEPS[message.step](context, message.data)
-        events = (stage.event(f"step_{message.step}", "participant", dict(outcome.log or {})),)
+        data, private = apart(message.step, outcome.words)
+        events = (stage.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":
             stage.vitals.help_wanted = True
         elif message.step == "setup":
             stage.vitals.sound = bool(message.data.get("sound"))
         if outcome.event is None:
-            await stage.commit(submission=message.id, events=events, private=outcome.private)
+            await stage.commit(submission=message.id, events=events, private=private)
             acknowledge(client, message.id)
             return
-        if message.step == "start" and stage.session.state == "trial_ready" and self._lacks_panel():
+        if message.step == "start" and stage.lacks_panel():
             text = "The second device is not connected. Open its link there first, and press its button."
             raise Refused("illegal", ("panel", text))
         if message.step == "start" and stage.session.worker and not stage.link.ready:
@@ -108,16 +110,10 @@ class Submissions:
             events=events,
             submission=message.id,
             answers=outcome.answers,
-            private=outcome.private,
+            private=private,
             consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
             on_disk=lambda: acknowledge(client, message.id),
         )
-
-    def _lacks_panel(self) -> bool:
-        """Whether readings would appear on a second device that nobody has opened."""
-        distractor = self._stage.around.study.distractor
-        on_panel = distractor.enabled and distractor.placement == "second_device"
-        return on_panel and self._stage.audience.panel is None
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
         stage, phase = self._stage, self._stage.phase

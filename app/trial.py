@@ -142,6 +142,11 @@ class TrialEngine:
         return self._progress.cycle
 
     @property
+    def goal(self) -> str | None:
+        """Id of the instructed object or bin; None for a practice dropoff, which may go anywhere."""
+        return self._progress.goal
+
+    @property
     def belief(self) -> Belief | None:
         """The belief after the last tick; None before the first."""
         return self._belief

@@ -1,6 +1,7 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
-    commands (Begin, Hold, Hands, SetView, Stop) ──► Worker ──► reports (Ready, Ticked, HoldChanged, Failed)
+    commands ──► Worker ──► reports
+    Begin, Hold, Hands, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
 after each, and the result goes out after the last. When the page has not been heard of for `heartbeat_timeout_s`, no
@@ -21,10 +22,11 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
+from app.gallery import Gallery
 from app.hands import HandsLatch
 from app.loop import Deadline, Pacer
 from app.outcomes import release_points
-from app.parts import make_robot, make_scene
+from app.parts import make_robot, make_scene, make_spectator_view
 from app.trial import TrialEngine
 from app.trial_values import OperatorInput, TickResult
 from app.worker_messages import (
@@ -36,6 +38,8 @@ from app.worker_messages import (
     Ready,
     SetView,
     Sight,
+    Spectate,
+    SpectatorPort,
     Stop,
     Ticked,
     WorkerCommand,
@@ -59,9 +63,12 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
             robot = make_robot(spec.robot)
             open_parts.callback(robot.close)
             scene = make_scene() if spec.scene else None
+            gallery = None
             if scene is not None:
                 open_parts.callback(scene.close)
-            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene).serve()
+                gallery = Gallery(lambda: make_spectator_view(scene))
+                open_parts.callback(gallery.close)
+            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene, gallery).serve()
         except (EOFError, BrokenPipeError, ConnectionResetError):
             pass  # the lab is gone: nothing is left to serve
         except Exception as error:
@@ -73,12 +80,20 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
 class Worker:
     """Serves one trial or practice over a connection. See the module's text."""
 
-    def __init__(self, connection: Connection, spec: WorkerSpec, engine: TrialEngine, scene: SceneView | None) -> None:
+    def __init__(
+        self,
+        connection: Connection,
+        spec: WorkerSpec,
+        engine: TrialEngine,
+        scene: SceneView | None,
+        gallery: Gallery | None = None,
+    ) -> None:
         self._connection = connection
         self._spec = spec
         self._engine = engine
         self._scene = scene
         self._scene_cycle = 0
+        self._gallery = gallery
         self._hands = HandsLatch(spec.heartbeat_timeout_s, TICK_S)
         self._pacer = Pacer(TICK_S)
         self._running = False
@@ -98,6 +113,7 @@ class Worker:
             if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
                 if self._connection.poll(IDLE_WAIT_S):
                     self._obey(self._connection.recv())
+                self._tend_gallery()
             else:
                 self._pace()
 
@@ -132,6 +148,11 @@ class Worker:
         elif isinstance(command, SetView):
             if self._scene is not None:
                 self._scene.set_view(command.name)
+        elif isinstance(command, Spectate):
+            if self._gallery is not None:
+                self._gallery.ask(command.looking)
+            else:
+                self._connection.send(SpectatorPort(None))
         elif isinstance(command, Stop):
             self._stopping = True
 
@@ -162,7 +183,10 @@ class Worker:
                 self._hands.forget_presses()  # made when nothing could be seen to follow from them
                 self._connection.send(HoldChanged(False))
             self._real_time_tick(deadline)
-        elif not self._held:
+        else:
+            self._tend_gallery()  # no slice does it now
+            if self._held:
+                return
             self._held = True
             self._resumed = True
             self._hands.drop()
@@ -179,10 +203,17 @@ class Worker:
                 self._drain(wait_s)
             self._engine.advance()
             self._draw()
+            self._tend_gallery()
         result = self._engine.end()
         late_ms = deadline.late_s * 1000.0
         self._connection.send(Ticked(result, self._sight(), seq, started_unix_s, late_ms, deadline.missed))
         self._draw(ended=result)
+
+    def _tend_gallery(self) -> None:
+        """What the experimenters see; after what the participant sees."""
+        changed = self._gallery.tend(self._engine) if self._gallery is not None else None
+        if changed is not None:
+            self._connection.send(SpectatorPort(*changed))
 
     def _sight(self) -> Sight:
         world = self._engine.world

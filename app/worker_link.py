@@ -25,6 +25,7 @@ class WorkerLink:
         held: it waits for the page's heartbeat.
         restarts: how many workers of this phase ended by themselves.
         scene_port: port of its viser server on loopback, if it has a scene.
+        spectator_port: port of the experimenters' viser server, while it is open.
         setup: what it was started with.
     """
 
@@ -40,6 +41,7 @@ class WorkerLink:
         self.held = False
         self.restarts = 0
         self.scene_port: int | None = None
+        self.spectator_port: int | None = None
         self.setup: TrialSetup | None = None
         self._around = around
         self._participant = participant
@@ -57,7 +59,7 @@ class WorkerLink:
         """Start a worker where the record ends."""
         self.epoch += 1
         epoch = self.epoch
-        self.ready, self.scene_port = False, None
+        self.ready, self.scene_port, self.spectator_port = False, None, None
         spec = await self._around.make_spec(kind, trial)
         self.setup = spec.setup
         self._handle = self._around.start_worker(
@@ -68,13 +70,15 @@ class WorkerLink:
         """End the worker; the phase it ran is over."""
         handle, self._handle = self._handle, None
         self.epoch += 1
-        self.ready, self.held, self.restarts, self.scene_port, self.setup = False, False, 0, None, None
+        self.ready, self.held, self.restarts, self.setup = False, False, 0, None
+        self.scene_port = self.spectator_port = None
         if handle is not None:
             await handle.stop()
 
     def lost(self) -> None:
         """The process ended by itself."""
-        self._handle, self.ready, self.held, self.scene_port = None, False, False, None
+        self._handle, self.ready, self.held = None, False, False
+        self.scene_port = self.spectator_port = None
         self.restarts += 1
 
     def kill(self) -> None:

@@ -66,11 +66,18 @@ class SetView:
 
 
 @dataclass(frozen=True)
+class Spectate:
+    """Whether experimenters look on: their 3-D view is there as long as they do. Answered by `SpectatorPort`."""
+
+    looking: bool
+
+
+@dataclass(frozen=True)
 class Stop:
     """End the process."""
 
 
-WorkerCommand = Begin | Hold | Hands | SetView | Stop
+WorkerCommand = Begin | Hold | Hands | SetView | Spectate | Stop
 
 
 # ---- worker → lab -----------------------------------------------------------------------------------------------
@@ -118,10 +125,17 @@ class HoldChanged:
 
 
 @dataclass(frozen=True)
+class SpectatorPort:
+    """The experimenters' view has opened or closed: the port of its viser server; None when there is none."""
+
+    port: int | None
+
+
+@dataclass(frozen=True)
 class Failed:
     """The worker cannot go on; it ends."""
 
     reason: str
 
 
-WorkerReport = Ready | Ticked | HoldChanged | Failed
+WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | Failed

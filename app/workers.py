@@ -28,7 +28,7 @@ def worker_context(robot: str) -> ForkServerContext:
     """The fork server that workers come from. Call before the process has threads."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     context = multiprocessing.get_context("forkserver")
-    preload = ["app.worker", "sim.scene", "sim.bullet" if robot == "bullet" else "sim.kinematic"]
+    preload = ["app.worker", "sim.scene", "sim.spectator", "sim.bullet" if robot == "bullet" else "sim.kinematic"]
     context.set_forkserver_preload(preload)
     return context
 

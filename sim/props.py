@@ -346,6 +346,11 @@ def plumb_mark_mesh() -> Mesh:
     return merge(ring, dot)
 
 
+def belief_mesh() -> Mesh:
+    """A column of unit height; stretched, it says how likely something is."""
+    return rod((0, 0, 0), (0, 0, 1), 0.014, SKY, n=16)
+
+
 def mark_mesh() -> Mesh:
     """A ring that may point out the instructed thing. For `blend`."""
     n = 40

@@ -8,31 +8,23 @@ A session's loop thread owns a `SceneView` and calls it about 30 times a second:
         view.update(world_state)            after every slice
         view.set_view("side")
 
-Measured on viser 1.1.1 (two threads inside `atomic()` stop all frames; nodes with ever new names pile up), hence: one
-thread writes, every node is made once and is then only moved or hidden, and each batch is flushed. The look is cheap to
-draw without a graphics card: no environment map, no grid, no shadow maps, few triangles, and everything that never
-moves is unlit with its light in the colours.
+How nodes get to the browser is `sim.nodes`. The look is cheap to draw without a graphics card: no environment map, no
+grid, no shadow maps, few triangles, and everything that never moves is unlit with its light in the colours.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any
-
-import viser
 
 from sim import fetch, props
 from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
-from sim.meshes import Material, Mesh, to_glb
+from sim.nodes import NodeServer
 from sim.objects import OBJECTS
-from sim.views import DEFAULT_VIEW, VIEWS
+from sim.views import DEFAULT_VIEW, VIEWS, View
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
 
@@ -46,41 +38,11 @@ class SceneOptions:
     shadows: bool = True
     """Soft spots under the objects and the gripper."""
     marked: bool = False
-    """Whether `show(..., marked=…)` may ring the instructed object or bin."""
+    """Whether `mark` may ring the instructed object or bin."""
+    orbit_from: View | None = None
+    """Where browsers start that then steer their own cameras; None = all look where `set_view` says."""
     reset_tween_s: float = 0.6
     """How long the arm's way back takes on screen after a reset (its jump in the world takes no time)."""
-
-
-@dataclass
-class _Node:
-    """A handle and what was last sent for it, so that only changes travel."""
-
-    handle: Any
-    position: Vector3 = (0.0, 0.0, 0.0)
-    wxyz: QuaternionWxyz = (1.0, 0.0, 0.0, 0.0)
-    visible: bool = True
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    def put(self, position: Sequence[float], wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> None:
-        # Rounded to 0.02 mm: what is smaller than a pixel need not be sent.
-        here = tuple(round(float(value) * 5e4) / 5e4 for value in position)
-        turned = tuple(round(float(value), 5) for value in wxyz)
-        if here != self.position:
-            self.handle.position = here
-            self.position = here  # type: ignore[assignment]
-        if turned != self.wxyz:
-            self.handle.wxyz = turned
-            self.wxyz = turned  # type: ignore[assignment]
-
-    def stretch(self, scale: tuple[float, float, float]) -> None:
-        if scale != self.scale:
-            self.handle.scale = scale
-            self.scale = scale
-
-    def show(self, visible: bool) -> None:
-        if visible != self.visible:
-            self.handle.visible = visible
-            self.visible = visible
 
 
 @dataclass
@@ -124,12 +86,10 @@ class SceneView:
         self._look = look
         self._options = options
         self._clock = clock
-        self._server: viser.ViserServer | None = None
-        self._nodes: dict[str, _Node] = {}
+        self.server = NodeServer()
         self._fixed_key: object = None
         self._shown = _Shown()
-        self._view = VIEWS[DEFAULT_VIEW]
-        self._framed: dict[int, tuple[str, float]] = {}
+        self._view = options.orbit_from or VIEWS[DEFAULT_VIEW]
 
     def __enter__(self) -> SceneView:
         return self
@@ -143,36 +103,21 @@ class SceneView:
 
     def open(self) -> int:
         """Start the server on a free port of 127.0.0.1 and return the port. May be called again."""
-        if self._server is not None:
-            return self._server.get_port()
+        if self.server.is_open:
+            return self.server.port
         self._look = robot_look() if self._look is None else self._look
-        # A browser may leave while its camera is being aimed; viser warns of what it then cannot deliver.
-        warnings.filterwarnings("ignore", r"Queued a Set\w+ on a closed connection", UserWarning)
-        # viser prints a banner with its address, which is nobody's business but the proxy's.
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        scene = self._server.scene
-        with self._server.atomic():
-            scene.configure_environment_map(None)
-            scene.configure_default_lights(False)
-            scene.add_light_hemisphere(
-                "/light/sky", sky_color=(255, 255, 255), ground_color=(120, 120, 130), intensity=1.7
-            )
-            scene.add_light_directional("/light/key", intensity=2.3, position=(-1.2, 1.6, 3.0))
-            for link, glb in self._look.glb_by_link.items():
-                self._add(f"/robot/{link}", glb, visible=False)
-            self._add("/floor", to_glb(props.floor_mesh(), "blend")).put((0.5, 0.0, 0.0))
-        self._aim_newcomers()
-        self._server.flush()
-        return self._server.get_port()
+        self.server.open()
+        with self.server.batch():
+            for link, model in self._look.glb_by_link.items():
+                self.server.add(f"/robot/{link}", model, visible=False)
+            self.server.node("/floor", props.floor_mesh, "blend").put((0.5, 0.0, 0.0))
+            self._aim()
+        return self.server.port
 
     def close(self) -> None:
         """Stop the server; may be called twice."""
-        server, self._server = self._server, None
-        self._nodes.clear()
-        if server is not None:
-            with contextlib.redirect_stdout(io.StringIO()):
-                server.stop()
+        self.server.close()
+        self._fixed_key = None
 
     @property
     def note(self) -> str | None:
@@ -180,41 +125,38 @@ class SceneView:
         return None if self._look is None else self._look.note
 
     @property
+    def look(self) -> RobotLook | None:
+        """The robot's meshes, for another view of it. Known after `open()`."""
+        return self._look
+
+    @property
     def clients(self) -> int:
         """How many browsers look on."""
-        return len(self._running().get_clients())
+        return self.server.clients
 
     # -- what is seen
 
-    def show(
-        self,
-        scene: SceneSpec,
-        delivered: Mapping[str, Pose] | None = None,
-        marked: str | None = None,
-    ) -> None:
+    def show(self, scene: SceneSpec, delivered: Mapping[str, Pose] | None = None) -> None:
         """Show a fresh world. The arm glides from where it was seen last to its new place over the next updates.
 
         Args:
             scene: the table, the bins and the objects that stand on it.
             delivered: id → pose of what earlier cycles left in (or beside) the bins; it stays visible. When None,
                 what is on screen stays there until the next `update`.
-            marked: object or bin to ring, if the options allow it.
 
         Raises:
             SimError: not open, or `delivered` names an object that is neither in the scene nor in `sim.objects`.
         """
-        server = self._running()
         shown = self._shown
+        self.server.running  # noqa: B018 - says so when it is not open
         shown.scene = scene
         shown.specs.update({placed.spec.id: placed.spec for placed in scene.objects})
         if shown.joints_rad is not None:
             shown.tween = _Tween(shown.joints_rad, shown.opening_m, self._clock())
-        with server.atomic():
+        with self.server.batch():
             self._show_fixed(scene)
             standing = {placed.spec.id: placed.rest_pose for placed in scene.objects}
             self._place({**(delivered or {}), **standing}, hide_others=delivered is not None)
-            self._mark(marked if self._options.marked else None)
-        server.flush()
 
     def update(self, state: WorldState, delivered: Mapping[str, Pose] | None = None) -> None:
         """Show the world after a slice; objects neither in `state` nor in `delivered` are hidden.
@@ -222,7 +164,6 @@ class SceneView:
         Raises:
             SimError: before `show`, or an object no spec is known for.
         """
-        server = self._running()
         if self._shown.scene is None:
             raise SimError("update() before show(): the view does not know what stands where")
         joints_rad, opening_m = self._tweened(state)
@@ -230,9 +171,9 @@ class SceneView:
             self._shown.poses = self._link_poses(joints_rad, opening_m)
         self._shown.joints_rad, self._shown.opening_m = joints_rad, opening_m
         poses = self._shown.poses
-        with server.atomic():
+        with self.server.batch():
             for link, (position, wxyz) in poses.items():
-                node = self._nodes.get(f"/robot/{link}")
+                node = self.server.nodes.get(f"/robot/{link}")
                 if node is None:
                     continue
                 node.put(position, wxyz)
@@ -241,8 +182,7 @@ class SceneView:
             self._place({**(delivered or {}), **present}, hide_others=True)
             if "gripper_link" in poses:
                 self._plumb(poses["gripper_link"][0])
-            self._aim_newcomers()
-        server.flush()
+            self._aim()
 
     def set_view(self, name: str) -> None:
         """Move every browser's camera, and that of those who come later, to a named view.
@@ -252,49 +192,43 @@ class SceneView:
         """
         if name not in VIEWS:
             raise SimError(f"no view {name!r}; there are {list(VIEWS)}")
-        server = self._running()
         self._view = VIEWS[name]
-        self._aim_newcomers()
-        server.flush()
+        with self.server.batch():
+            self._aim()
+
+    def mark(self, goal: str | None) -> None:
+        """Ring the instructed object or bin, None = nothing; only if the options allow it. After `show`."""
+        with self.server.batch():
+            self._mark(goal if self._options.marked else None)
 
     # -- inside
 
-    def _running(self) -> viser.ViserServer:
-        if self._server is None:
-            raise SimError("the view is not open")
-        return self._server
-
-    def _add(self, name: str, glb: bytes, *, visible: bool = True) -> _Node:
-        handle = self._running().scene.add_glb(name, glb, cast_shadow=False, receive_shadow=False, visible=visible)
-        node = _Node(handle, visible=visible)
-        self._nodes[name] = node
-        return node
-
-    def _node(self, name: str, make: Callable[[], Mesh], material: Material) -> _Node:
-        node = self._nodes.get(name)
-        return self._add(name, to_glb(make(), material)) if node is None else node
+    def _aim(self) -> None:
+        if self._options.orbit_from is None:
+            self.server.aim(self._view)
+        else:
+            self.server.start_at(self._view)
 
     def _show_fixed(self, scene: SceneSpec) -> None:
         key = (scene.table, scene.bins)
         if key == self._fixed_key:
             return
-        for name in [name for name in self._nodes if name.startswith("/fixed/")]:
-            self._nodes.pop(name).handle.remove()
+        server = self.server
+        server.remove("/fixed/")
         self._fixed_key = key
-        table = self._add("/fixed/table", to_glb(props.table_mesh(scene.table), "unlit"))
-        table.put(scene.table.center_world_m)
+        server.node("/fixed/table", props.table_mesh, "unlit", scene.table).put(scene.table.center_world_m)
         for target in scene.bins:
             x_m, y_m = target.center_xy_m
-            self._add(f"/fixed/bin/{target.id}", to_glb(props.bin_mesh(target), "unlit")).put((x_m, y_m, 0.0))
-            inner_m = max(target.inner_size_m)
+            server.node(f"/fixed/bin/{target.id}", props.bin_mesh, "unlit", target).put((x_m, y_m, 0.0))
+            wide_m = max(target.inner_size_m) * 1.25
             if self._options.shadows:
-                spot = props.shadow_mesh(inner_m * 1.25, inner_m * 1.25)
-                self._add(f"/fixed/shade/{target.id}", to_glb(spot, "blend")).put((x_m, y_m, 0.002))
+                shade = server.node(f"/fixed/shade/{target.id}", props.shadow_mesh, "blend", wide_m, wide_m)
+                shade.put((x_m, y_m, 0.002))
         if self._options.shadows:
-            spot = props.shadow_mesh(scene.table.size_m[0] * 1.15, scene.table.size_m[1] * 1.05)
+            size_m = scene.table.size_m[0] * 1.15, scene.table.size_m[1] * 1.05
             x_m, y_m, _ = scene.table.center_world_m
-            self._add("/fixed/shade/table", to_glb(spot, "blend")).put((x_m, y_m, 0.003))
-            self._add("/fixed/shade/robot", to_glb(props.shadow_mesh(0.62, 0.6), "blend")).put((0, 0, 0.004))
+            server.node("/fixed/shade/table", props.shadow_mesh, "blend", *size_m).put((x_m, y_m, 0.003))
+            server.node("/fixed/shade/robot", props.shadow_mesh, "blend", 0.62, 0.6).put((0, 0, 0.004))
 
     def _surface_z_m(self, x_m: float, y_m: float) -> float:
         """Height of what lies below (x, y): the table, a bin's floor, or the ground."""
@@ -314,19 +248,19 @@ class SceneView:
             spec = self._shown.specs.get(object_id)
             if spec is None:
                 raise SimError(f"no object {object_id!r}; known are {sorted(self._shown.specs)}")
-            node = self._node(f"/object/{object_id}", lambda spec=spec: props.object_mesh(spec), "lit")
+            node = self.server.node(f"/object/{object_id}", props.object_mesh, "lit", spec)
             node.put(pose.position_world_m, pose.quaternion_wxyz)
             node.show(True)
             if self._options.shadows:
                 self._shade(spec, pose)
-        for name, node in self._nodes.items() if hide_others else ():
+        for name, node in self.server.nodes.items() if hide_others else ():
             if name.startswith(("/object/", "/shade/object/")) and name.rsplit("/", 1)[1] not in poses:
                 node.show(False)
 
     def _shade(self, spec: ObjectSpec, pose: Pose) -> None:
         x_m, y_m, z_m = pose.position_world_m
         wide_m = max(spec.size_m[0], spec.size_m[1])
-        shade = self._node(f"/shade/object/{spec.id}", lambda: props.shadow_mesh(wide_m, wide_m), "blend")
+        shade = self.server.node(f"/shade/object/{spec.id}", props.shadow_mesh, "blend", wide_m, wide_m)
         above_m = z_m - self._surface_z_m(x_m, y_m)
         if above_m < 0.0 or above_m > 0.6:
             shade.show(False)
@@ -338,11 +272,11 @@ class SceneView:
         x_m, y_m, z_m = gripper_world_m
         surface_m = self._surface_z_m(x_m, y_m)
         if self._options.shadows:
-            shade = self._node("/shade/gripper", lambda: props.shadow_mesh(0.09, 0.09), "blend")
+            shade = self.server.node("/shade/gripper", props.shadow_mesh, "blend", 0.09, 0.09)
             shade.put((x_m, y_m, surface_m + 0.0028))
         if self._options.plumb_line:
-            line = self._node("/plumb/line", props.plumb_line_mesh, "unlit")
-            mark = self._node("/plumb/mark", props.plumb_mark_mesh, "blend")
+            line = self.server.node("/plumb/line", props.plumb_line_mesh, "unlit")
+            mark = self.server.node("/plumb/mark", props.plumb_mark_mesh, "blend")
             line.put((x_m, y_m, z_m))
             line.stretch((1.0, 1.0, round(max(z_m - surface_m, 0.001), 4)))
             mark.put((x_m, y_m, surface_m + 0.0034))
@@ -350,10 +284,10 @@ class SceneView:
     def _mark(self, marked: str | None) -> None:
         scene = self._shown.scene
         if marked is None or scene is None:
-            if "/mark" in self._nodes:
-                self._nodes["/mark"].show(False)
+            if "/mark" in self.server.nodes:
+                self.server.nodes["/mark"].show(False)
             return
-        ring = self._node("/mark", props.mark_mesh, "blend")
+        ring = self.server.node("/mark", props.mark_mesh, "blend")
         ring.show(True)
         for placed in scene.objects:
             if placed.spec.id == marked:
@@ -379,32 +313,3 @@ class SceneView:
             a + share * (b - a) for a, b in zip(tween.joints_rad, state.joint_positions_rad, strict=True)
         )
         return joints_rad, tween.opening_m + share * (state.finger_opening_m - tween.opening_m)
-
-    def _aim_newcomers(self) -> None:
-        """Point every camera that does not yet show the present view; later clients start there by themselves."""
-        server, view = self._running(), self._view
-        camera = server.initial_camera
-        if camera.fov != view.fov_rad or tuple(camera.position) != view.position_world_m:
-            camera.position = view.position_world_m
-            camera.look_at = view.look_at_world_m
-            camera.fov = view.fov_rad
-            camera.near = 0.05
-            camera.far = 20.0
-        clients = server.get_clients()
-        for gone in self._framed.keys() - clients.keys():
-            del self._framed[gone]
-        for number, client in clients.items():
-            eye = client.camera
-            fov_rad = view.fov_rad
-            if eye.image_width > 0 and eye.image_height > 0:
-                fov_rad = view.vertical_fov_rad(eye.image_width / eye.image_height)
-            wanted = (view.name, round(fov_rad, 3))
-            if self._framed.get(number) == wanted:
-                continue
-            self._framed[number] = wanted
-            with client.atomic():
-                eye.up_direction = (0.0, 0.0, 1.0)
-                eye.position = view.position_world_m
-                eye.look_at = view.look_at_world_m
-                eye.fov = fov_rad
-            client.flush()

@@ -73,3 +73,6 @@ VIEWS: Mapping[str, View] = MappingProxyType(
     }
 )
 """The views by name; the first is the one a session starts with."""
+
+ONLOOKER = View("onlooker", "From where an onlooker stands", (2.45, -0.75, 2.0), (0.55, 0.0, 0.84), math.radians(32))
+"""Where the experimenters' own cameras start."""

@@ -1,5 +1,6 @@
-// The experimenter's page: links, sessions, pause / resume / abort, export. Talks to the HTTP API with a bearer token.
+// The experimenter's page: links, sessions and what can be done with them, roster, data. Talks to the HTTP API with a bearer token.
 
+import { act } from "./acts.js";
 import { Api } from "./dashboard_api.js";
 import { Rows } from "./dashboard_rows.js";
 import { copyButton } from "./copy.js";
@@ -8,7 +9,7 @@ import { Results } from "./results.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
 import { Live } from "./live.js";
-import { ask, Toasts } from "./shell.js";
+import { Toasts } from "./shell.js";
 
 const POLL_MS = 1000;
 const STALE_MS = 4000;
@@ -18,6 +19,9 @@ const toasts = new Toasts();
 const main = h("main", { id: "main" });
 const updated = h("span", { class: "updated", role: "status", data: { testid: "last-updated" } }, "Not updated yet");
 const leave = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } }, "Forget token");
+const initials = h("input", { type: "text", maxlength: 20, size: 6, autocomplete: "off", spellcheck: "false", value: api.initials, data: { testid: "initials" } });
+initials.addEventListener("change", () => (api.initials = initials.value));
+const signed = h("label", { class: "signed", hidden: true, title: "They stand in the record of what you do, and are exported. Several experimenters share one token: this tells you apart." }, "Your initials", initials);
 let timer = 0;
 let lastMs = 0;
 
@@ -26,7 +30,7 @@ function login(problem = "") {
   live.stop();
   roster.stop();
   results.stop();
-  leave.hidden = true;
+  leave.hidden = signed.hidden = true;
   const fieldId = freshId("token");
   const field = h("input", { id: fieldId, type: "password", autocomplete: "off", spellcheck: "false", data: { testid: "token-input" } });
   const error = h("p", { class: "field-error", role: "alert", hidden: problem === "", data: { testid: "login-error" } }, icon("warning"), h("span", {}, problem));
@@ -59,36 +63,12 @@ async function enter() {
 
 const results = new Results({ api, toasts });
 const roster = new Roster({ api, toasts, onActed: () => poll() });
-const rows = new Rows({
-  onPause: (participant) => act(participant, "pause", {
-    title: `Pause ${participant}?`, text: ["The robot stops at once. The participant sees that the session is paused."],
-    field: { label: "Reason (optional, kept and exported: write no names)", required: false }, confirm: "Pause session",
-  }),
-  onResume: (participant) => act(participant, "resume", {
-    title: `Resume ${participant}?`, text: ["The session goes on where it was paused, once no other cause keeps it paused."],
-    field: { label: "Remark (optional, kept and exported: write no names)", required: false }, confirm: "Resume session",
-  }),
-  onAbort: (participant) => act(participant, "abort", {
-    title: `Abort ${participant}?`, text: ["The session ends for good and its slot in the counterbalancing is given to the next participant. What was recorded stays, marked as aborted."],
-    field: { label: "Reason (kept and exported: write no names)", required: true, missing: "Give a reason." }, confirm: "Abort session", danger: true,
-  }),
-});
-
-const live = new Live({ api, toasts, main, actions: rows.actions, onSessions: drawn });
-
-const DONE = { pause: "paused", resume: "resumed", abort: "aborted" };
-
-async function act(participant, action, question) {
-  const reason = await ask({ ...question, testid: `${action}-dialog` });
-  if (reason === null) return;
-  try {
-    await api.act(participant, action, reason);
-    toasts.show(`${participant}: ${DONE[action]}.`);
-  } catch (error) {
-    toasts.show(`${participant} could not be ${DONE[action]}: ${error.message}`, { problem: true });
-  }
+const onAct = async (participant, command) => {
+  await act(api, toasts, participant, command);
   poll();
-}
+};
+const rows = new Rows({ toasts, onAct });
+const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 
 function drawn(sessions) {
   lastMs = Date.now();
@@ -118,10 +98,10 @@ async function poll() {
 }
 
 function board() {
-  leave.hidden = false;
+  leave.hidden = signed.hidden = false;
   roster.start();
   results.start();
-  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, createCard(), sessionsCard(), roster.element, results.element));
+  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, h("h1", { class: "visually-hidden" }, "Sessions, roster and data"), createCard(), sessionsCard(), roster.element, results.element));
 }
 
 function createCard() {
@@ -160,9 +140,9 @@ function createCard() {
   return h("section", { class: "board-card", "aria-labelledby": "create-title" }, h("h2", { id: "create-title" }, "New links"),
     h("div", { class: "create" },
       h("div", { class: "field" }, h("label", { for: countId }, "How many"), count),
-      h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (kept apart, never exported)"), label),
+      h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (never exported)"), label),
       add, addPilot, addDemo),
-    error, h("p", { class: "hint" }, "A link is shown only once, here: the lab keeps no readable copy. Pilot and demo sessions use no counterbalancing slot and stay out of exports (pilots can be exported when asked for)."), links);
+    error, h("p", { class: "hint" }, "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never."), links);
 }
 
 function linkRows({ participant, link, panel_link, kind, demo }) {
@@ -187,14 +167,14 @@ function sessionsCard() {
       toasts.show(`The data could not be downloaded: ${error.message}`, { problem: true });
     }
   }));
-  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, download)), rows.element);
+  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, rows.filter, download)), rows.element);
 }
 
-leave.addEventListener("click", () => {
-  api.setToken("");
+leave.addEventListener("click", async () => {
+  await api.leave();
   login();
 });
-document.body.append(h("div", { class: "app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard")), leave), main, toasts.element));
+document.body.append(h("div", { class: "app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard")), h("span", { class: "top-actions" }, signed, leave)), main, toasts.element));
 setInterval(() => lastMs && sayUpdated(), POLL_MS);
 if (api.token) enter();
 else login();

@@ -1,7 +1,7 @@
 // The HTTP API as the dashboard uses it. Errors are thrown as sentences with the HTTP status.
 
 import { labUrl } from "./root.js";
-import { tab } from "./store.js";
+import { lasting, tab } from "./store.js";
 
 const STATUS = {
   401: "The token is missing or wrong.",
@@ -19,6 +19,15 @@ export class Api {
       this.setToken(given);
       history.replaceState(null, "", location.pathname + location.search); // out of sight and of screenshots
     } else this.token = tab.get("experimenter") ?? "";
+  }
+
+  /** Who sits here: it stands in the events of what is done from this browser. */
+  get initials() {
+    return lasting.get("initials", "");
+  }
+
+  set initials(text) {
+    lasting.set("initials", text.trim().slice(0, 20));
   }
 
   setToken(token) {
@@ -68,6 +77,17 @@ export class Api {
     return (await this._ask(`/api/sessions/${encodeURIComponent(participant)}/heatmap?kind=${kind}`)).json();
   }
 
+  /** Lets the browser open what it asks for without a token: 3-D views and the report. */
+  async desk() {
+    await this._ask("/api/desk", { method: "POST" });
+  }
+
+  /** Takes that away again, as far as the lab can be reached. */
+  async leave() {
+    await this._ask("/api/desk", { method: "DELETE" }).catch(() => {});
+    this.setToken("");
+  }
+
   async download() {
     const answer = await this._ask("/api/export");
     const name = /filename="?([^";]+)/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "export.zip";
@@ -82,7 +102,7 @@ export class Api {
   async _ask(path, { method = "GET", body } = {}) {
     let answer;
     try {
-      const headers = { Authorization: `Bearer ${this.token}` };
+      const headers = { Authorization: `Bearer ${this.token}`, "Salab-Who": encodeURIComponent(this.initials) };
       if (body !== undefined) headers["Content-Type"] = "application/json";
       answer = await fetch(labUrl(path), { method, headers, body: body === undefined ? undefined : JSON.stringify(body), cache: "no-store" });
     } catch {

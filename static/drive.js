@@ -121,7 +121,7 @@ export class DriveView {
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
       h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend));
     this.hands.element.lastChild.append(this.gripper);
-    this.body = h("div", { class: "drive-body" }, this.region, this.side);
+    this.body = h("div", { class: "drive-body" }, h("h1", { class: "visually-hidden" }, "Driving the robot"), this.region, this.side);
     this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
     if (this.socket.welcome?.placement === "same_page_away") {
       this.alert = new AlertView({ socket: this.socket, sound: this.sound, away: true });

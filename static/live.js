@@ -1,14 +1,14 @@
 // Which part of the dashboard is on the screen: all sessions, or the one named in the address (#session=P001).
 
-import { STATES, whyNot } from "./dashboard_rows.js";
+import { STATES } from "./dashboard_rows.js";
 import { h } from "./dom.js";
 import { LiveFeed } from "./live_feed.js";
 import { SessionPage } from "./live_page.js";
 
 export class Live {
-  /** `actions`: the buttons of the table of sessions; `onSessions` gets every session whenever one changed. */
-  constructor({ api, toasts, main, actions, onSessions }) {
-    Object.assign(this, { api, toasts, main, actions });
+  /** `onAct(participant, command)` does something; `onSessions` gets every session whenever one changed. */
+  constructor({ api, toasts, main, onAct, onSessions }) {
+    Object.assign(this, { api, toasts, main, onAct });
     this.feed = new LiveFeed();
     this.page = null;
     this.board = null;
@@ -33,6 +33,7 @@ export class Live {
   /** The board is on the screen and the token is right. */
   start() {
     this.running = true;
+    this.page?.close();
     this.page = null;
     this.feed.start(this.api.token);
     this._route();
@@ -40,6 +41,7 @@ export class Live {
 
   stop() {
     this.running = false;
+    this.page?.close();
     this.page = null;
     this.feed.watch(null);
     this.feed.stop();
@@ -50,6 +52,7 @@ export class Live {
     if (participant === (this.page?.participant ?? "")) return;
     // The board is kept as it is: a new link is shown only once.
     if (!this.page) this.board = [...this.main.childNodes];
+    this.page?.close();
     this.feed.watch(participant || null);
     if (!participant) {
       const left = this.page.participant;
@@ -58,8 +61,7 @@ export class Live {
       this.main.querySelector(`a[href="#session=${CSS.escape(encodeURIComponent(left))}"]`)?.focus();
       return;
     }
-    const commands = this.actions.map(([action, label, run]) => ({ action, label, run, whyNot: (session) => whyNot(action, session) }));
-    this.page = new SessionPage({ participant, api: this.api, toasts: this.toasts, commands });
+    this.page = new SessionPage({ participant, api: this.api, toasts: this.toasts, onAct: this.onAct });
     this.main.replaceChildren(this.page.element);
     this.page.title.focus();
     this._showSession();

@@ -1,24 +1,26 @@
 // One session, opened: what the robot believes and why it moves, what happened, and what the experimenter can do.
 
+import { COMMANDS, reasoned, say } from "./acts.js";
 import { freshId, h, icon, setText } from "./dom.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
 import { ask } from "./shell.js";
+import { Spectator } from "./spectator.js";
 
 const KEPT_TICKS = 120;
 const KEPT_EVENTS = 50;
 const SOURCES = { user: "the participant", robot: "the robot", idle: "nobody: the robot waits", gripper: "nobody: the fingers move", reset: "nobody: the arm goes back" };
 const AXES = [["forward", "back"], ["left", "right"], ["up", "down"]];
-const ACTIONS = [
-  { kind: "message", path: "message", label: "Send message", title: "Message to the participant", text: "It is shown on the participant's page until they put it away. It is kept in the record and exported: write no names.", field: "Message", confirm: "Send", done: "The message is on the participant's page." },
-  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick, and exported: write no names.", field: "What is special about it", confirm: "Mark", done: "The task is marked." },
-  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "You find the note under the last events. The export says that there is one, and when it was written, not what it says.", field: "Note", confirm: "Keep note", done: "The note is kept." },
+const REMARKS = [
+  { kind: "message", path: "message", label: "Send message", title: "Message to the participant", text: "It is shown on the participant's page until they put it away.", field: "Message", confirm: "Send", done: "The message is on the participant's page." },
+  { kind: "task_marked", path: "mark", label: "Mark this task", title: "Mark the task under way", text: "The mark is kept in the record with the task and the tick.", field: "What is special about it (kept in the lab, never exported)", confirm: "Mark", done: "The task is marked." },
+  { kind: "note", path: "note", label: "Write note", title: "Note for the record", text: "Notes are kept in the lab beside the session's events. An export says that there is one, not what it says.", field: "Note", confirm: "Keep note", done: "The note is kept." },
   { kind: "help_seen", path: "help_seen", label: "Help is given", done: "The call for help is answered." },
 ];
 
 export class SessionPage {
-  /** `commands`: buttons of the table of sessions, [{action, label, whyNot(session), run(participant)}]. */
-  constructor({ participant, api, toasts, commands }) {
+  /** `onAct(participant, command)` asks and does one of COMMANDS. */
+  constructor({ participant, api, toasts, onAct }) {
     this.participant = participant;
     this.api = api;
     this.toasts = toasts;
@@ -28,24 +30,31 @@ export class SessionPage {
     this.title = h("h1", { tabindex: "-1" }, participant);
     this.state = h("p", { class: "live-state", role: "status", data: { testid: "live-state" } }, "Waiting for the lab");
     this.instruction = h("p", { class: "live-instruction", data: { testid: "live-instruction" } });
-    this.buttons = [
-      ...ACTIONS.map((action) => this._button(action.label, action.kind, (session) => session.why_not?.[action.kind] ?? "", () => this._remark(action))),
-      ...commands.map((command) => this._button(command.label, command.action, command.whyNot, () => command.run(participant))),
-    ];
-    this.why = h("ul", { class: "why hint", data: { testid: "why-not" } });
+    this.commands = COMMANDS.map((command) => this._button(command.label, command.name, () => onAct(participant, command), command.danger));
+    this.remarks = REMARKS.map((remark) => this._button(remark.label, remark.kind, () => this._remark(remark)));
+    this.why = h("ul", { class: "why hint" });
+    this.whyTitle = h("summary", {}, "");
+    this.whyBox = h("details", { class: "hint", hidden: true, data: { testid: "why-not" } }, this.whyTitle, this.why);
     this.bars = new BeliefBars();
     this.entropy = new LineChart({ title: "Entropy of the belief, last 60 s", series: [{ key: "entropy", label: "Entropy" }], low: 0, high: 1, marks: [0.7, 0.3], testid: "chart-entropy" });
     this.scores = new LineChart({ title: "Score of the chosen action, last 60 s", digits: 3, testid: "chart-scores", series: [
       { key: "score", label: "Score" }, { key: "information", label: "Information part", dash: "7 4" }, { key: "goal", label: "Goal part", dash: "2 3" }] });
     this.plane = new PlaneView({ load: (kind) => api.heatmap(participant, kind) });
+    this.spectator = new Spectator({ api, participant, toasts });
     this.facts = h("dl", { class: "facts", data: { testid: "facts" } });
     this.list = h("ol", { class: "event-list", tabindex: "0", "aria-label": "Last events, newest first", data: { testid: "events" } });
     this.element = h("div", { class: "board live", data: { testid: "page-session" } },
-      h("section", { class: "board-card" }, h("p", {}, h("a", { href: "#", data: { testid: "back" } }, "← All sessions")), h("div", { class: "board-head" }, this.title, h("div", { class: "buttons" }, this.buttons.map((one) => one.element))), this.state, this.instruction, this.why),
+      h("section", { class: "board-card" }, h("p", {}, h("a", { href: "#", data: { testid: "back" } }, "← All sessions")), this.title, this.state, this.instruction,
+        h("div", { class: "act-groups" }, group("Session", this.commands), group("Participant and record", this.remarks)), this.whyBox),
       h("div", { class: "live-columns" },
-        card("What the robot believes", this.bars.element, this.entropy.element, this.scores.element),
+        h("div", { class: "live-side" }, this.spectator.element, card("What the robot believes", this.bars.element, this.entropy.element, this.scores.element)),
         h("div", { class: "live-side" }, card("Now", this.facts), card("Last events", this.list))),
       this.plane.element);
+  }
+
+  /** Another page takes the place of this one. */
+  close() {
+    this.spectator.end();
   }
 
   /** The session's line from the overview. */
@@ -53,20 +62,21 @@ export class SessionPage {
     this.session = session;
     setText(this.title, [session.participant, session.demo ? "(demo)" : "", session.label ? `· ${session.label}` : ""].filter(Boolean).join(" "));
     const task = session.tasks ? ` · task ${Math.min(session.done_tasks + 1, session.tasks)} of ${session.tasks}` : "";
-    setText(this.state, `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition}${task}${session.help_wanted ? " · asks for help" : ""}`);
+    setText(this.state, `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition.replaceAll("_", " ")}${task}${session.help_wanted ? " · asks for help" : ""}`);
     setText(this.instruction, session.instruction ? `Instruction: ${session.instruction}` : "");
     const reasons = [];
-    for (const { element, label, whyNot } of this.buttons) {
-      const why = whyNot(session);
-      element.setAttribute("aria-disabled", String(why !== ""));
-      element.title = why;
-      element.setAttribute("aria-description", why);
+    for (const { element, label, name } of [...this.commands, ...this.remarks]) {
+      const why = session.why_not?.[name] ?? "";
+      say(element, why);
       if (why) reasons.push(`${label}: ${why}`);
     }
     if (this.why.dataset.text !== reasons.join()) {
       this.why.dataset.text = reasons.join();
+      this.whyBox.hidden = reasons.length === 0;
+      setText(this.whyTitle, `Why ${reasons.length === 1 ? "one button" : `${reasons.length} buttons`} cannot act now`);
       this.why.replaceChildren(...reasons.map((reason) => h("li", {}, reason)));
     }
+    this.spectator.show(session.scene ?? "");
     this._facts();
   }
 
@@ -120,10 +130,10 @@ export class SessionPage {
     this.facts.replaceChildren(...rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
   }
 
-  _button(label, testid, whyNot, run) {
-    const element = h("button", { type: "button", class: "secondary small", data: { testid } }, label);
-    element.addEventListener("click", () => element.getAttribute("aria-disabled") === "true" || run());
-    return { element, label, whyNot };
+  _button(label, name, run, danger = false) {
+    const element = h("button", { type: "button", class: danger ? "secondary small stop" : "secondary small", data: { testid: name } }, label);
+    reasoned(element, () => this.session?.why_not?.[name] ?? "The lab has not told anything yet.", this.toasts, run);
+    return { element, label, name };
   }
 
   async _remark(action) {
@@ -147,14 +157,28 @@ function card(title, ...children) {
   return h("section", { class: "board-card", "aria-labelledby": id }, h("h2", { id }, title), children);
 }
 
+function group(name, acts) {
+  return h("div", { class: "act-group buttons", role: "group", "aria-label": name }, acts.map((one) => one.element));
+}
+
 function words(action) {
   if (!action) return "–";
   const parts = action.map((value, axis) => (value === 0 ? null : AXES[axis][value > 0 ? 0 : 1])).filter(Boolean);
   return parts.length ? parts.join(" and ") : "stay";
 }
 
+function shown(value) {
+  if (typeof value === "number") return String(Math.round(value * 100) / 100);
+  return typeof value === "object" ? JSON.stringify(value) : value;
+}
+
 function eventLine({ utc, kind, source, data, tick }) {
-  const details = Object.entries(data).filter(([, value]) => value !== null && value !== "").map(([name, value]) => `${name}: ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ");
+  const { by, text, ...rest } = data;
+  const details = Object.entries(rest).filter(([, value]) => value !== null && value !== "").map(([name, value]) => `${name}: ${shown(value)}`).join(", ");
   const at = new Date(utc).toLocaleTimeString([], { hour12: false });
-  return h("li", {}, h("span", { class: "event-at" }, at), h("span", {}, h("strong", {}, kind.replaceAll("_", " ")), ` by ${source}${tick === null ? "" : `, tick ${tick}`}`, details ? h("span", { class: "event-details" }, details) : null), kind === "message" || kind === "note" || kind === "task_marked" ? icon("info") : null);
+  const who = by && by !== source ? `${source} ${by}` : source;
+  return h("li", {}, h("span", { class: "event-at" }, at),
+    h("span", {}, h("strong", {}, kind.replaceAll("_", " ")), ` by ${who}${tick === null ? "" : `, tick ${tick}`}`,
+      text ? h("span", { class: "event-words" }, `“${text}”`) : null, details ? h("span", { class: "event-details" }, details) : null),
+    text ? icon("info") : null);
 }

@@ -1,6 +1,7 @@
 // What came of it: how many, questionnaire scores by condition, and the verdict over every trial, which can be overridden.
 
 import { freshId, h, icon, setText } from "./dom.js";
+import { Report } from "./report.js";
 import { ask } from "./shell.js";
 
 const PAGE = 25;
@@ -14,6 +15,7 @@ export class Results {
     const showId = freshId("show-trials");
     this.show = h("select", { id: showId, data: { testid: "quality-show" } }, SHOW.map(([value, label]) => h("option", { value }, label)));
     this.show.addEventListener("input", () => this._turn(0));
+    this.report = new Report({ api, toasts });
     this.counts = h("p", { class: "hint", data: { testid: "summary" } });
     this.scores = h("tbody", {});
     this.noScores = h("p", { class: "hint" }, "No complete questionnaire yet.");
@@ -28,6 +30,7 @@ export class Results {
     this.older.addEventListener("click", () => this._turn(this.offset + PAGE));
     this.element = h("section", { class: "board-card", "aria-labelledby": "results-title", data: { testid: "results" } },
       h("h2", { id: "results-title" }, "Data and quality"), this.problem, this.counts, this.noScores, h("div", { class: "table-scroll" }, this.scoreTable),
+      this.report.element,
       h("h3", {}, "Verdict over each trial"), h("p", { class: "hint" }, "By the rules under [quality] in the study file. A suspect trial stays in the data, marked."), this.verdicts,
       h("div", { class: "create" }, h("div", { class: "field" }, h("label", { for: showId }, "Show"), this.show)),
       h("div", { class: "table-scroll", tabindex: "0", role: "region", "aria-label": "Verdicts" }, h("table", { class: "sessions", data: { testid: "quality-table" } }, h("caption", { class: "visually-hidden" }, "Trials that have ended, newest participant first"), head(COLUMNS), this.body)),
@@ -36,11 +39,13 @@ export class Results {
 
   start() {
     this.stop();
+    this.report.start();
     this.refresh();
     this.timer = setInterval(() => document.hidden || this.refresh(), EVERY_MS);
   }
 
   stop() {
+    this.report.stop();
     clearInterval(this.timer);
   }
 
@@ -89,7 +94,7 @@ export class Results {
     const button = h("button", { type: "button", class: "secondary small", "aria-label": `Override the verdict over trial ${line.trial} of ${line.participant}`, data: { testid: "override" } }, "Override");
     button.addEventListener("click", () => this._override(line, counts === "good" ? "suspect" : "good"));
     return h("tr", { data: { trial: `${line.participant} ${line.trial}`, testid: "quality-row" } },
-      h("th", { scope: "row" }, `${line.participant}, trial ${line.trial}`), h("td", {}, line.condition),
+      h("th", { scope: "row" }, `${line.participant}, trial ${line.trial}`, line.outcome === "aborted" ? h("span", { class: "badge" }, "aborted") : null), h("td", {}, line.condition),
       h("td", {}, h("span", { class: "mark-line", data: { level: counts === "good" ? "good" : "bad" } }, icon(counts === "good" ? "check" : "warning"), counts)), h("td", {}, why),
       [unit(line.round_trip_ms, " ms"), unit(line.hidden_s, " s"), line.missed_ticks, line.focus_losses, line.pad_losses, line.unanswered_alerts].map((value) => h("td", {}, String(value ?? "–"))),
       h("td", {}, h("div", { class: "buttons" }, button)));
@@ -98,7 +103,7 @@ export class Results {
   async _override(line, verdict) {
     const reason = await ask({
       testid: "override-dialog", title: `Count trial ${line.trial} of ${line.participant} as ${verdict}?`, confirm: `Count it as ${verdict}`,
-      text: [`The automatic verdict (${line.quality}) stays in the data beside yours.`], field: { label: "Reason (kept and exported: write no names)", required: true, missing: "Give a reason." },
+      text: [`The automatic verdict (${line.quality}) stays in the data beside yours.`], field: { label: "Reason (exported with the trial: write no names)", required: true, missing: "Give a reason." },
     });
     if (reason === null) return;
     try {

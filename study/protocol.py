@@ -9,6 +9,8 @@ what each state needs (`NEEDS`), by comparing before and after.
             → debrief → done
 
 `paused` remembers where to go on (`resume_to`) and why it stands still (`causes`); it ends when no cause is left.
+Two things that only the experimenter does lead aside (`INTERVENTIONS`): back from a trial that has not begun to its
+practice, and out of a trial that cannot be completed.
 """
 
 from __future__ import annotations
@@ -57,6 +59,8 @@ EventName = Literal[
     "resume",
     "experimenter_pause",
     "experimenter_resume",
+    "repeat_practice",
+    "abort_trial",
     "withdraw",
     "abort",
 ]
@@ -197,6 +201,12 @@ RULES: Mapping[tuple[State, EventName], State] = {
 }
 """What leads on. Pausing, withdrawing and aborting are the same from everywhere, see `ANYWHERE`."""
 
+INTERVENTIONS: Mapping[tuple[State, EventName], State] = {
+    ("trial_ready", "repeat_practice"): "practice_ready",
+    ("trial", "abort_trial"): "survey",
+}
+"""Where the experimenter leads aside, also from a pause, which then stays one."""
+
 PAUSED_RULES: frozenset[EventName] = frozenset({"practice_done", "trial_done"})
 """A tick may be the last one while a pause is on its way: the session then goes on to the next state, still paused."""
 
@@ -235,6 +245,10 @@ def allowed(session: Session) -> tuple[EventName, ...]:
     if session.is_over:
         return ()
     names = {event for state, event in RULES if state == session.state}
+    for (state, event), target in INTERVENTIONS.items():
+        # A study without practice has none to repeat: past what it leaves out one would come back to the same place.
+        if state == session.place and _not_left_out(session, target) != state:
+            names.add(event)
     if session.state == "paused":
         names |= {event for event in PAUSED_RULES if (session.place, event) in RULES}
         names |= {event for event, cause in _CLEARED_BY.items() if cause in session.causes}
@@ -273,6 +287,13 @@ def restore(session: Session, now_s: float) -> tuple[Session, tuple[Effect, ...]
     return session, (StartWorker(*session.worker),) if session.worker else ()
 
 
+def _not_left_out(session: Session, target: State) -> State:
+    """The first state from `target` on that the study does not leave out."""
+    while target in session.skips:
+        target = _SKIP_TO[target]
+    return target
+
+
 def _after(session: Session, event: Event) -> Session:
     name = event.name
     if name in _ENDS:
@@ -287,7 +308,8 @@ def _after(session: Session, event: Event) -> Session:
         if causes:
             return replace(session, causes=causes)
         return replace(session, state=session.place, resume_to=None, causes=causes, reason=None)
-    target = RULES[session.place, name]
+    step = (session.place, name)
+    target = INTERVENTIONS[step] if step in INTERVENTIONS else RULES[step]
     return _arrive(session, target, leaving=session.place)
 
 
@@ -298,8 +320,7 @@ def _paused(session: Session, cause: Cause) -> Session:
 def _arrive(session: Session, target: State, leaving: State) -> Session:
     """The session at `target`, past what the study leaves out; a pause stays a pause."""
     trial = session.trial + 1 if leaving == "break" else session.trial
-    while target in session.skips:
-        target = _SKIP_TO[target]
+    target = _not_left_out(session, target)
     if target == "break" and trial == session.trials:
         target = "debrief"
     if session.state == "paused":

@@ -121,7 +121,9 @@ class TrialRow:
     quality_override: str | None = column(
         "An experimenter's verdict, which counts instead; blank = none", levels=("good", "suspect"), default=None
     )
-    quality_reason: str | None = column("Why the experimenter overrode the verdict; blank = not done", default=None)
+    quality_reason: str | None = column(
+        "Why the experimenter overrode the verdict, as written; blank = not done", default=None
+    )
     round_trip_ms: float | None = column(
         "95th percentile of the page's round trips in the trial; blank = not measured", unit="ms", default=None
     )
@@ -250,7 +252,11 @@ class EventRow:
     utc: str = column("When the lab learned of it", unit=UTC)
     kind: str = column("Name of the event")
     source: str = column("Who caused it", levels=("participant", "experimenter", "lab", "robot"))
-    data: str = column("JSON: details", json="object")
+    data: str = column(
+        "JSON: details. by = the experimenter's initials; characters = length of words that somebody wrote and that no "
+        "export holds",
+        json="object",
+    )
 
 
 TABLES: dict[str, type] = {
@@ -269,7 +275,8 @@ DESCRIPTIONS: Mapping[str, str] = {
     "trials": "One row per trial: the condition with its parameters, and the objects on the table",
     "tasks": "One row per pickup or dropoff: the instructed goal and the outcome",
     "ticks": "One row per 0.5 s decision of the trials: state, input, action and belief",
-    "practice_ticks": "One row per 0.5 s decision of the practice before a trial; columns as in ticks",
+    "practice_ticks": "One row per 0.5 s decision of the practice before a trial; columns as in ticks. Practice "
+    "that is repeated goes on with another cycle",
     "alerts": "One row per sensor reading of the second task",
     "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
     "events": "Anything else that happened, in order",

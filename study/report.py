@@ -31,9 +31,14 @@ def write_report(analysis: Analysis, out_dir: Path | str, heatmap: Heatmap | Non
     `heatmap` holds the values of the paper's Fig. 2, which the caller computes. Raises `AnalysisError` for a folder
     that holds anything but an earlier report, or cannot be written.
     """
+    claim(Path(out_dir))
+    return write_drawn(analysis, out_dir, draw_all(analysis, heatmap))
+
+
+def write_drawn(analysis: Analysis, out_dir: Path | str, pictures: Sequence[Picture]) -> Path:
+    """As `write_report`, with the figures drawn already."""
     folder = Path(out_dir)
     claim(folder)
-    pictures = draw_all(analysis, heatmap)
     try:
         for name in ("figures", "tables"):
             (folder / name).mkdir(exist_ok=True)

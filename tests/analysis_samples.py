@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from study.export import write_tables
 from study.instruments import INSTRUMENTS
 from study.records import CONDITIONS, ParticipantRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
+from study.store import Kind, Store
 from tests.study_samples import BINS, OBJECTS, UTC, shipped_study, task_row, tick_row
 
 SOURCES = {"u": "user", "r": "robot", "i": "idle", "g": "gripper", "x": "reset", "P": "idle", "U": "user"}
@@ -217,3 +218,23 @@ def _add_surveys(data: DataSet, name: str, trial: int, condition: str, rng: np.r
             data.tables["survey_answers"].append(
                 SurveyAnswerRow(name, condition, trial, instrument_id, item.id, str(value), UTC)
             )
+
+
+def store_study(store: Store, data: DataSet, kind: Kind = "study") -> list[str]:
+    """The same participants as if they had taken part in a lab; their ids there."""
+    names: dict[str, str] = {}
+    for row in data.tables["participants"]:
+        order = row.condition_order.split(">")
+        made = store.create_participant(
+            shipped_study(), seed=row.seed, public_id=f"{kind}{row.participant}", utc=UTC, order=order, kind=kind
+        )
+        names[row.participant] = made.participant
+    rows = {
+        {"survey_answers": "answers"}.get(name, name): [
+            replace(row, participant=names[row.participant]) for row in table
+        ]
+        for name, table in data.tables.items()
+        if name != "participants"
+    }
+    store.commit(**rows)
+    return list(names.values())

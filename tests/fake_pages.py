@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from app.acts import ACTS
 from sim.views import VIEWS
 from study.instruments import INSTRUMENTS
 from study.protocol import TERMINAL
@@ -222,6 +223,7 @@ def session_row(participant: str, state: str, **changes: Any) -> Message:
     """A row of `GET /api/sessions`."""
     over = state in TERMINAL
     allowed = [] if over else ["experimenter_resume" if state == "paused" else "experimenter_pause", "abort"]
+    why_not = dict.fromkeys(ACTS, "The session is over." if over else "")
     return {
         "participant": participant,
         "label": None,
@@ -244,5 +246,6 @@ def session_row(participant: str, state: str, **changes: Any) -> Message:
         "device": "gamepad",
         "created_utc": "2026-01-01T10:00:00Z",
         "allowed": allowed,
+        "why_not": why_not,
         **changes,
     }

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from app.gallery import Gallery
 from app.hands import Direction
 from app.trial import TrialEngine
 from app.worker import Worker
@@ -80,12 +81,13 @@ def simulate(
     schedule: Sequence[tuple[float, WorkerCommand]],
     scene: Any = None,
     pipe: SimulatedPipe | None = None,
+    gallery: Gallery | None = None,
 ) -> list[Sent]:
     """Everything a worker reports while these commands arrive; the last one must end it."""
     assert any(isinstance(command, Stop) for _, command in schedule)
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
     monkeypatch.setattr("app.worker.time", pipe)
-    Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene).serve()  # type: ignore[arg-type]
+    Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene, gallery).serve()  # type: ignore[arg-type]
     return pipe.sent
 
 

@@ -165,6 +165,18 @@ def second_device(camera: Camera, folder: Path) -> None:
         desk.get_by_text(PEOPLE[-1]).first.wait_for(timeout=30_000)
         desk.wait_for_timeout(1500)
         keep("dashboard", desk.screenshot())
+        person.hold((1, 1, 0))  # so that the belief has something to go by
+        page.wait_for_timeout(3500)
+        person.hold((0, 0, 0))
+        desk.locator(f"[data-participant={links[0]['participant']}]").get_by_test_id("open").click()
+        desk.get_by_test_id("heatmap").wait_for(timeout=30_000)
+        desk.get_by_test_id("spectator-toggle").click()
+        desk.get_by_test_id("spectator-frame").wait_for(timeout=30_000)
+        desk.get_by_test_id("spectator-sign").wait_for(state="hidden", timeout=60_000)
+        desk.wait_for_timeout(3000)  # until the objects' labels are drawn
+        desk.evaluate("window.scrollTo(0, document.querySelector('.live-columns').offsetTop - 12)")
+        desk.wait_for_timeout(500)
+        keep("session", desk.screenshot())
 
 
 def report(camera: Camera, folder: Path) -> None:

@@ -31,8 +31,8 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.study_commands app.server app.api app.roster_api app.results_api app.live_api app.sockets
-        app.scene_proxy app.entrance app.join_api
+        app.__main__ app.study_commands app.server app.api app.roster_api app.results_api app.live_api app.desk_api
+        app.sockets app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
         app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
@@ -41,10 +41,11 @@ MODULES = {
         app.console app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
         app.session app.stage app.course app.submissions app.phase app.worker_link
         app.audience app.surroundings app.steps app.pages app.pilot app.bots
-        app.recent app.remarks app.words app.insight app.round_trips app.recruiter
+        app.recent app.acts app.words app.insight app.gallery app.onlookers app.round_trips app.recruiter
+        app.reporter app.report_job
     """,
     "adapters": """
-        sim.kinematic sim.bullet sim.assets sim.scene sim.urdf sim.meshes sim.props
+        sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props
         study.store study.store.store study.store.database study.store.tables study.store.rows
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
         study.writer study.fingerprint study.export study.package
@@ -80,7 +81,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "uvicorn": EDGE,
     "pybullet": frozenset({"sim.bullet"}),
     "pybullet_data": frozenset(),
-    "viser": frozenset({"sim.scene"}),
+    "viser": frozenset({"sim.nodes"}),
     "sqlalchemy": STORE,
     "sqlite3": STORE,
     "pyarrow": frozenset({"study.package"}),
@@ -219,7 +220,7 @@ def test_imports_run_downward_only() -> None:
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
         ("app.lab", "import fastapi", "app.lab:1 imports fastapi: only"),
         ("app.worker", "import pybullet as p", "only sim.bullet may"),
-        ("app.scene_proxy", "from viser import ViserServer", "only sim.scene may"),
+        ("app.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
         (
             "study.export",
             "from sqlalchemy import select",

@@ -14,12 +14,12 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from app.acts import Command
 from app.bots import Bot, BotError, enter, open_wire
 from app.config import LabConfig
 from app.lab import Lab
 from app.messages import Input, Message, Page, Status, Submit, Tick
 from app.session import LiveSession
-from study.protocol import Event
 from study.records import TickRow
 from study.store import Store
 from tests.dashboard_client import dashboard
@@ -210,7 +210,8 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
     assert contiguous(rows) and len(rows) == len(kept) + 4
     assert [row.tick for row in rows if row.after_pause] == [len(kept)]
     assert rows[: len(kept)] == kept
-    assert [data for _, data in events(lab, participant, "step_help")] == [{"has_words": True}]
+    (help_event,) = [data for _, data in events(lab, participant, "step_help")]
+    assert help_event["characters"] == len("before")
     assert not events(lab, participant, "replay_mismatch")
     if end == "kill":
         assert events(lab, participant, "lab_restarted")
@@ -379,7 +380,7 @@ async def test_a_deserted_session_gives_its_worker_back_and_returns_where_it_was
         await lab.let_go(-1.0)
         assert lab.live_session(invitation.participant) is session, "a page is connected"
         session.detach(page)
-        await lab.command(invitation.participant, Event("experimenter_pause"), "test")
+        await lab.command(invitation.participant, Command("pause"), "test")
         await lab.let_go(3600.0)
         assert lab.live_session(invitation.participant) is session, "it was here a moment ago"
         await lab.let_go(-1.0)

@@ -17,7 +17,7 @@ from app.messages import Heartbeat, Notice
 from app.words import KEPT_AS
 from tests.dashboard_client import Line, dashboard, socket_url
 from tests.lab_server import LabServer
-from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, visit
+from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, read, visit
 
 
 async def say(lab: LabServer, participant: str, path: str, body: Any) -> httpx.Response:
@@ -229,7 +229,7 @@ async def test_notes_marks_and_messages_are_events_with_who_and_what(quick_lab: 
             assert (await say(quick_lab, participant, "mark", {"text": "slipped"})).status_code == 200
         assert (await command(quick_lab, participant, "abort", "end of the test")).status_code == 200
         assert (await say(quick_lab, participant, "note", {"text": "afterwards"})).status_code == 200
-    told = events(quick_lab, participant, "note", "message", "task_marked")
+    told = read(quick_lab, participant, "note", "message", "task_marked")
     assert told == [
         ("note", {"by": "experimenter", "has_words": True}),
         ("message", {"by": "experimenter", "text": text}),

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 from playwright.sync_api import expect
 
 from tests.lab_server import LabServer
-from tests.wire_client import events, invite, visit
+from tests.wire_client import events, invite, read, visit
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Locator, Page
@@ -100,11 +101,13 @@ def test_a_task_is_marked_and_what_cannot_be_done_says_why(page: Page, quick_lab
         assert "<i>slipped</i>" in part(page, "events").inner_text()
         refused = part(page, "resume")
         assert refused.get_attribute("aria-disabled") == "true"
+        part(page, "why-not").locator("summary").click()
         assert "Resume: The session is not paused." in part(page, "why-not").inner_text()
         refused.focus()
         page.keyboard.press("Enter")
+        part(page, "toast").get_by_text("The session is not paused.").wait_for()
         assert page.locator("dialog").count() == 0
-    assert [data["text"] for _, data in events(quick_lab, participant, "task_marked")] == ["<i>slipped</i>"]
+    assert [data["text"] for _, data in read(quick_lab, participant, "task_marked")] == ["<i>slipped</i>"]
 
 
 def test_a_message_stays_on_the_participants_page_until_it_is_put_away(
@@ -129,3 +132,36 @@ def test_a_message_stays_on_the_participants_page_until_it_is_put_away(
         "message",
         "message_dismissed",
     ]
+
+
+def test_a_button_that_came_too_late_is_told_why(page: Page, quick_lab: LabServer) -> None:
+    """By keyboard alone: two experimenters pause the same session."""
+    participant = invite(quick_lab)["participant"]
+    opened(page, quick_lab, participant)
+    part(page, "initials").fill("AB")
+    pause = part(page, "pause")
+    expect(pause).to_have_attribute("aria-disabled", "false", timeout=WITHIN_MS)
+    pause.focus()
+    page.keyboard.press("Enter")
+    page.keyboard.type("coffee")
+    other = httpx.post(
+        f"{quick_lab.base_url}/api/sessions/{participant}/pause",
+        headers={**quick_lab.headers, "Salab-Who": "CD"},
+        json={},
+        trust_env=False,
+    )
+    assert other.status_code == 200
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    part(page, "toast-problem").get_by_text("nothing was done. An experimenter has paused it already.").wait_for()
+    assert page.evaluate("document.activeElement.dataset.testid") == "pause"
+    expect(pause).to_have_attribute("aria-disabled", "true")
+    resume = part(page, "resume")
+    expect(resume).to_have_attribute("aria-disabled", "false")
+    resume.focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    part(page, "toast").get_by_text("resumed.").wait_for()
+    told = events(quick_lab, participant, "experimenter_pause", "experimenter_resume")
+    assert [(kind, data["by"]) for kind, data in told] == [("experimenter_pause", "CD"), ("experimenter_resume", "AB")]

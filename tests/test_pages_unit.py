@@ -536,7 +536,7 @@ def test_dashboard_creates_links_and_acts_on_sessions(page: Page, lab: FakeLab) 
     page.get_by_text("Give a reason.").wait_for()
     page.get_by_test_id("abort-dialog").get_by_role("textbox").fill("fire alarm")
     page.get_by_test_id("dialog-confirm").click()
-    page.get_by_text("p001: aborted.").wait_for()
+    page.get_by_text("p001: the session is aborted.").wait_for()
     assert lab.commands[1] == ("p001 abort", {"reason": "fire alarm"})
     over = page.locator("[data-participant=p003]").get_by_test_id("pause")
     assert over.get_attribute("aria-disabled") == "true"

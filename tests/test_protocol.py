@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from study.protocol import (
     EVENTS,
     FREES_CELL,
+    INTERVENTIONS,
     NEEDS,
     RULES,
     SKIPPABLE,
@@ -196,6 +197,43 @@ def test_leaving_stops_the_worker_and_keeps_the_reason(name: EventName) -> None:
         assert effects == (StopWorker(), Finish(gone.outcome))  # type: ignore[arg-type]
 
 
+# ---- the experimenter leads aside
+
+
+def test_practice_is_repeated_before_the_trial_begins_and_a_pause_stays_one() -> None:
+    ready, _ = run(begun(), *TO_TRIAL[:-1])
+    back, effects = advance(ready, "repeat_practice", 9.0)
+    assert (back.state, back.trial, back.since_s) == ("practice_ready", 1, 9.0)
+    assert effects == (StopWorker(), StartWorker("practice", 1))
+    paused, _ = advance(ready, Event("experimenter_pause", "not understood"), 1.0)
+    back, effects = advance(paused, "repeat_practice", 2.0)
+    assert (back.state, back.resume_to, back.causes) == ("paused", "practice_ready", {"experimenter"})
+    assert effects == (StopWorker(), StartWorker("practice", 1))
+
+
+def test_there_is_no_practice_to_repeat_during_one_in_a_trial_or_in_a_study_without() -> None:
+    without, _ = run(new_session("P001", 3, ["eligibility", "practice_ready"]), *TO_TRIAL[:4])
+    assert without.state == "trial_ready"
+    for session in (without, in_trial(), run(begun(), *TO_TRIAL[:5])[0]):
+        with pytest.raises(IllegalEvent):
+            advance(session, "repeat_practice", 1.0)
+
+
+def test_an_aborted_trial_is_over_and_the_session_goes_on() -> None:
+    after, effects = advance(in_trial(), "abort_trial", 5.0)
+    assert (after.state, after.trial, after.outcome, effects) == ("survey", 1, None, (StopWorker(),))
+    paused, _ = advance(in_trial(), "experimenter_pause", 1.0)
+    after, effects = advance(paused, "abort_trial", 5.0)
+    assert (after.state, after.resume_to, effects) == ("paused", "survey", (StopWorker(),))
+    lost, _ = advance(in_trial(), "connection_lost", 1.0)
+    assert advance(lost, "abort_trial", 5.0)[0].state == "survey"
+    silent, _ = run(new_session("P001", 1, ["eligibility", "survey"]), *TO_TRIAL)
+    assert advance(silent, "abort_trial", 5.0)[0].state == "debrief"
+    for state in ("practice", "trial_ready", "survey"):
+        with pytest.raises(IllegalEvent):
+            advance(Session("P001", 3, state=state), "abort_trial", 1.0)
+
+
 # ---- storing
 
 
@@ -299,5 +337,6 @@ def test_allowed_is_exactly_what_advance_takes(state: str, event: EventName) -> 
 def test_every_state_can_be_reached_and_left() -> None:
     reached = {"eligibility", *RULES.values(), "debrief", "paused", "withdrawn", "aborted"}
     assert reached == set(STATES)
+    assert {state for state, _ in INTERVENTIONS} | set(INTERVENTIONS.values()) <= reached
     assert {state for state, _ in RULES} | TERMINAL | {"paused"} == set(STATES)
     assert set(NEEDS) <= set(STATES)

@@ -17,7 +17,7 @@ from app.roster_api import enrolment
 from study.store import open_store
 from tests.lab_server import LabServer
 from tests.study_samples import UTC, shipped_study
-from tests.wire_client import events, invite, stored, visit, write_study
+from tests.wire_client import events, invite, read, stored, visit, write_study
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_a_rejected_participants_cell_is_given_out_again_and_the_data_stay(
     assert again.status_code == 409 and "Rejected already" in again.json()["detail"]
     assert who not in cells(client)[order]
     assert line(client, who)["rejected"] is True
-    assert events(lab, who, "rejected") == [("rejected", {"by": "experimenter", "reason": "no <b>sound</b>"})]
+    assert read(lab, who, "rejected") == [("rejected", {"by": "experimenter", "text": "no <b>sound</b>"})]
 
 
 async def test_a_withdrawn_participants_session_ends_and_the_cell_is_free(client: httpx.Client, lab: LabServer) -> None:
@@ -180,7 +180,7 @@ async def test_a_withdrawn_participants_session_ends_and_the_cell_is_free(client
         assert answer.json() == {"participant": who, "state": "withdrawn"}
         assert (await player.page("withdrawn")).content["text"]
     assert who not in holders(client)
-    assert ("withdraw", {"by": "experimenter", "reason": "by phone"}) in events(lab, who)
+    assert ("withdraw", {"by": "experimenter", "text": "by phone"}) in read(lab, who)
     with stored(lab) as store:
         assert len(store.rows_of("ticks", who)) == 1  # kept, as the consent text says
     stale = post(client, f"/api/participants/{who}/withdraw", {})

@@ -177,7 +177,8 @@ def test_the_plumb_line_ends_on_what_is_below(view: SceneView) -> None:
 def test_depth_cues_can_be_left_out_and_nothing_is_marked_unasked() -> None:
     with SceneView(look=simple_look(), options=SceneOptions(plumb_line=False, shadows=False)) as bare:
         bare.open()
-        bare.show(SIX, marked="sponge_pack")
+        bare.show(SIX)
+        bare.mark("sponge_pack")
         bare.update(world(SIX))
         with ViserClient(bare.open()) as client:
             client.backlog()
@@ -187,17 +188,18 @@ def test_depth_cues_can_be_left_out_and_nothing_is_marked_unasked() -> None:
 def test_a_study_may_mark_the_instructed_thing() -> None:
     with SceneView(look=simple_look(), options=SceneOptions(marked=True)) as marking:
         marking.open()
-        marking.show(SIX, marked="sponge_pack")
+        marking.show(SIX)
+        marking.mark("sponge_pack")
         with ViserClient(marking.open()) as client:
             client.backlog()
             np.testing.assert_allclose(
                 client.position("/mark")[:2], SIX.object("sponge_pack").base_world_m[:2], atol=2e-5
             )
             client.forget()
-            marking.show(SIX, marked="left_bin")
+            marking.mark("left_bin")
             client.until(type="SetPositionMessage", name="/mark")
             np.testing.assert_allclose(client.position("/mark")[:2], SIX.bins[0].center_xy_m, atol=2e-5)
-            marking.show(SIX)
+            marking.mark(None)
             client.until(type="SetSceneNodeVisibilityMessage", name="/mark", visible=False)
 
 

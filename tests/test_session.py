@@ -144,8 +144,8 @@ async def test_only_the_experimenter_ends_the_experimenters_pause(quick_lab: Lab
         page = await player.page("paused")
         assert (page.content["causes"], page.content["can_resume"]) == (["experimenter"], False)
         assert (await player.refused("resume")).code == "illegal"
-        again = await command(quick_lab, participant, "pause", "again")
-        assert again.status_code == 200  # a pause stays a pause
+        again = await command(quick_lab, participant, "pause", "again")  # the second of two experimenters
+        assert again.status_code == 409 and "paused it already" in again.json()["detail"]
     async with visit(made["link"]) as player:
         page = await player.until(Page)
         assert page.content["causes"] == ["connection", "experimenter"]
@@ -157,7 +157,7 @@ async def test_only_the_experimenter_ends_the_experimenters_pause(quick_lab: Lab
         assert (await player.tick(RIGHT)).tick == 1
         refused = await command(quick_lab, participant, "resume")
         assert refused.status_code == 409
-        assert "experimenter_pause" in refused.json()["detail"]
+        assert "The session is not paused" in refused.json()["detail"]
 
 
 async def test_help_and_stop(quick_lab: LabServer) -> None:

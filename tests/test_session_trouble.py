@@ -56,11 +56,11 @@ async def test_words_of_a_participant_are_kept_apart_from_the_record(quick_lab: 
         await player.done("withdraw", {"reason": "call Jane Roe"})
         await player.page("withdrawn")
     with stored(quick_lab) as store:
-        told = dict(store.identities(made["participant"]))
+        told = {name.partition("-")[0]: words for name, words in store.identities(made["participant"])}
         exported = [
             str(row) for table in ("participants", "events") for row in store.rows_of(table, made["participant"])
         ]
-    assert (told["help"], told["withdraw_reason"]) == ("I am Jane Roe", "call Jane Roe")
+    assert (told["help"], told["withdraw"]) == ("I am Jane Roe", "call Jane Roe")
     assert exported
     assert not [row for row in exported if "Jane" in row]
 

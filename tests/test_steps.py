@@ -89,14 +89,13 @@ def test_consent_names_the_text_agreed_to() -> None:
 
 def test_a_reason_for_leaving_is_kept_and_none_is_needed() -> None:
     said = take("withdraw", {"reason": "no time"})
-    assert (said.event, said.private) == (Event("withdraw"), (("withdraw_reason", "no time"),))
+    assert (said.event, said.words) == (Event("withdraw"), "no time")
     silent = take("withdraw", {"reason": None})
-    assert (silent.event, silent.private) == (Event("withdraw"), ())
+    assert (silent.event, silent.words) == (Event("withdraw"), None)
 
 
 def test_help_is_a_line_in_the_log_and_changes_nothing() -> None:
-    expected = Outcome(log={"has_words": True}, private=(("help", "Where is the bin?"),))
-    assert take("help", {"text": "Where is the bin?"}) == expected
+    assert take("help", {"text": "Where is the bin?"}) == Outcome(words="Where is the bin?")
     assert take("help", {}).event is None
 
 

@@ -32,6 +32,7 @@ from app.messages import (
     Tick,
     Welcome,
 )
+from app.words import with_words
 from study.store import Store, open_store
 from tests.lab_server import ROOT, LabServer
 
@@ -105,6 +106,15 @@ def events(lab: LabServer, participant: str, *kinds: str) -> list[tuple[str, dic
     with stored(lab) as store:
         rows = store.rows_of("events", participant)
     return [(row.kind, json.loads(row.data)) for row in rows if not kinds or row.kind in kinds]
+
+
+def read(lab: LabServer, participant: str, *kinds: str) -> list[tuple[str, dict[str, Any]]]:
+    """As `events`, with the words that are kept apart back in their place."""
+    with stored(lab) as store:
+        rows = [row for row in store.rows_of("events", participant) if not kinds or row.kind in kinds]
+        return [
+            (row.kind, data) for row, data in zip(rows, with_words(rows, store.identities(participant)), strict=True)
+        ]
 
 
 def worker_pids(lab: LabServer) -> list[int]:

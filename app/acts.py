@@ -1,0 +1,155 @@
+"""What an experimenter can do with a session or say about it: which acts there are, when, and why not.
+
+Commands become events of the protocol, remarks only stand in the record. Both are events with who and when; their
+words are kept apart (`app.words`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from app.config import LabError
+from study.protocol import EventName, Session, allowed
+
+CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
+RemarkName = Literal["note", "task_marked", "message", "help_seen"]
+ActName = CommandName | RemarkName
+
+EVENTS: Mapping[CommandName, EventName] = {
+    "start": "start",
+    "pause": "experimenter_pause",
+    "resume": "experimenter_resume",
+    "repeat_practice": "repeat_practice",
+    "abort_trial": "abort_trial",
+    "abort": "abort",
+    "withdraw": "withdraw",
+}
+"""The event of the protocol that a command is."""
+ACTS: tuple[ActName, ...] = (*get_args(CommandName), *get_args(RemarkName))
+
+
+class NotNow(LabError):
+    """An act that is not possible in the session's state; the text says why."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Something done with a session. `words` say why, in the experimenter's own words."""
+
+    name: CommandName
+    words: str | None = None
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something for the record: its name is the event's, its text is the experimenter's."""
+
+    name: RemarkName
+    text: str
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """All that decides what can be done: the session, and whether its page, robot and second device are there."""
+
+    session: Session
+    connected: bool = False
+    ready: bool = False
+    """The robot is in place."""
+    lacks_panel: bool = False
+    """Readings would appear on a second device that nobody has opened."""
+    help_wanted: bool = False
+
+
+def why_not(act: ActName, now: Circumstances) -> str:
+    """Why this cannot be done now, as a sentence; "" when it can."""
+    if act in EVENTS and now.session.is_over:
+        return "The session is over."
+    return _RULES[act](now)
+
+
+def refuse_unless(act: ActName, now: Circumstances) -> None:
+    """Raises `NotNow` when this cannot be done now: why, and what can be done instead."""
+    reason = why_not(act, now)
+    if not reason:
+        return
+    possible = [name for name in EVENTS if not why_not(name, now)]
+    instead = f" Now it is in {now.session.state!r}; possible: {', '.join(possible)}." if possible else ""
+    raise NotNow(reason + instead)
+
+
+def _start(now: Circumstances) -> str:
+    session = now.session
+    if session.state == "paused":
+        return "The session is paused. Resume it first."
+    if session.is_ticking:
+        return "It has started already."
+    if "start" not in allowed(session):
+        return "Nothing waits to be started: that is so before practice and before a trial."
+    if not now.connected:
+        return "The participant's page is not connected: nobody could drive."
+    if now.lacks_panel:
+        return "The second device is not connected. Open its link there first, and press its button."
+    return "" if now.ready else "The robot is not in place yet."
+
+
+def _pause(now: Circumstances) -> str:
+    return "An experimenter has paused it already." if "experimenter" in now.session.causes else ""
+
+
+def _resume(now: Circumstances) -> str:
+    if now.session.state != "paused":
+        return "The session is not paused."
+    if "experimenter" not in now.session.causes:
+        return "The participant's connection was lost: they press Go on themselves."
+    return ""
+
+
+def _repeat_practice(now: Circumstances) -> str:
+    session = now.session
+    if "repeat_practice" in allowed(session):
+        return ""
+    if "practice_ready" in session.skips:
+        return "This study has no practice."
+    if session.place in ("practice_ready", "practice"):
+        return "The practice is not over yet."
+    return "Practice can be repeated when it is over, until the trial begins."
+
+
+def _abort_trial(now: Circumstances) -> str:
+    return "" if "abort_trial" in allowed(now.session) else "No trial is under way."
+
+
+def _always(now: Circumstances) -> str:
+    return ""
+
+
+def _task_marked(now: Circumstances) -> str:
+    if now.session.place in ("practice", "trial"):
+        return ""
+    return "No task is under way: tasks are marked during practice and trials."
+
+
+def _message(now: Circumstances) -> str:
+    return "" if now.connected else "The participant's page is not connected: nobody would see the message."
+
+
+def _help_seen(now: Circumstances) -> str:
+    return "" if now.help_wanted else "The participant does not ask for help."
+
+
+_RULES: Mapping[ActName, Callable[[Circumstances], str]] = {
+    "start": _start,
+    "pause": _pause,
+    "resume": _resume,
+    "repeat_practice": _repeat_practice,
+    "abort_trial": _abort_trial,
+    "abort": _always,
+    "withdraw": _always,
+    "note": _always,
+    "task_marked": _task_marked,
+    "message": _message,
+    "help_seen": _help_seen,
+}

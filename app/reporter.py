@@ -1,0 +1,101 @@
+"""The report of the data so far, made on request in a process of its own: sessions go on as if nothing was.
+
+It lies in the lab's data folder while the lab runs and goes with it. It goes, too, when somebody is erased: it may hold
+what was measured of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from app.acts import NotNow
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = "report"
+PAGE = "report.html"
+"""As `study.report` names it, which is not imported here: it loads the statistics and the plotting."""
+
+
+@dataclass(frozen=True)
+class ReportStatus:
+    """How far it is. `text` is the step under way, or why there is no report."""
+
+    state: Literal["none", "making", "made", "cannot"] = "none"
+    text: str = ""
+    step: int = 0
+    of: int = 0
+    made_utc: str | None = None
+    participants: int = 0
+    trials: int = 0
+    figures: tuple[tuple[str, str], ...] = ()
+    """(name, title)"""
+
+
+class Reporter:
+    """Makes one report at a time. `now_utc` is asked when one is done."""
+
+    def __init__(self, data_dir: Path, now_utc: Callable[[], str]) -> None:
+        self.status = ReportStatus()
+        self.folder = data_dir / FOLDER
+        self._data_dir = data_dir
+        self._now_utc = now_utc
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to make one. Raises `NotNow` while one is being made."""
+        if self.status.state == "making":
+            raise NotNow("The report is being made already.")
+        self.status = ReportStatus("making", "Starting")
+        self._task = asyncio.create_task(self._make(), name="report")
+
+    async def finished(self) -> ReportStatus:
+        """Wait until nothing is being made any more."""
+        if self._task is not None:
+            await asyncio.gather(self._task, return_exceptions=True)
+        return self.status
+
+    async def discard(self) -> None:
+        """End what is under way and remove what was made."""
+        if self._task is not None:
+            self._task.cancel()
+        await self.finished()
+        self.status = ReportStatus()
+        await asyncio.to_thread(shutil.rmtree, self.folder, True)
+
+    async def _make(self) -> None:
+        arguments = (sys.executable, "-m", "app.report_job", str(self._data_dir.resolve()), str(self.folder.resolve()))
+        process = await asyncio.create_subprocess_exec(
+            *arguments,
+            cwd=ROOT,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+        )
+        assert process.stdout is not None
+        try:
+            async for line in process.stdout:
+                self._hear(json.loads(line))
+        finally:
+            if process.returncode is None and self.status.state == "making":
+                process.kill()
+            code = await process.wait()
+        if self.status.state == "making":
+            self.status = ReportStatus("cannot", f"The report's process ended with {code}; the lab's console says why.")
+
+    def _hear(self, said: dict[str, Any]) -> None:
+        if "made" in said:
+            made = dict(said["made"])
+            figures = tuple((figure["name"], figure["title"]) for figure in made.pop("figures"))
+            self.status = ReportStatus("made", made_utc=self._now_utc(), figures=figures, **made)
+        elif "cannot" in said:
+            self.status = ReportStatus("cannot", said["cannot"])
+        else:
+            self.status = replace(self.status, **said)
