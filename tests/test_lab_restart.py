@@ -196,7 +196,7 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
         await board.line(participant)
         await board.watch(participant)
         said = [event["data"] for event in (await board.news())["events"] if event["kind"] == "step_help"]
-    assert said == [{"words": "before"}]
+    assert said == [{"text": "before"}]
     async with visit(at(lab, made["link"])) as player:
         page = await player.until(Page)
         assert (page.state, page.content["causes"]) == ("paused", ["connection"])
@@ -247,7 +247,7 @@ async def test_a_study_interrupted_again_and_again_is_complete_in_the_end(launch
     for limit in (40, 80, None):
         async with open_wire(await enter(at(lab, made["link"])), "bot", telemetry=True) as wire:
             bot = Bot(wire, None)
-            with contextlib.suppress(BotError):
+            with contextlib.suppress(BotError) if limit else contextlib.nullcontext():
                 while limit is None or bot.report.ticks < limit:
                     await bot._handle(await wire.receive())
                     if bot.report.pages and bot.report.pages[-1] == "done":

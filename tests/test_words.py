@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from app.words import with_words
+from app.words import apart, with_words
 from study.records import EventRow
 
 
@@ -14,25 +14,28 @@ def event(kind: str, **data: Any) -> EventRow:
 
 
 def test_each_event_gets_its_own_words_back_and_the_others_stay_as_they_are() -> None:
+    first, kept_first = apart("help", "where is the bin?")
+    second, kept_second = apart("help", "thanks, Ann")
     events = (
-        event("step_help", has_words=True),
-        event("step_help", has_words=False),
-        event("note", by="experimenter", has_words=True),
-        event("step_help", has_words=True),
-        event("task_marked", text="slipped"),
+        event("step_help", **second),
+        event("step_help"),
+        event("step_help", **first),
+        event("grasped", object="can"),
     )
-    words = (("label", "Ann"), ("help", "first"), ("note", "a note"), ("help", "second"), ("user_agent", "Browser"))
-    told = with_words(events, words)
-    assert [json.loads(row.data) for row in told] == [
-        {"words": "first"},
+    assert "Ann" not in "".join(row.data for row in events)
+    assert second["characters"] == len("thanks, Ann")
+    assert with_words(events, (("label", "Ann"), *kept_first, *kept_second)) == [
+        {"text": "thanks, Ann"},
         {},
-        {"by": "experimenter", "words": "a note"},
-        {"words": "second"},
-        {"text": "slipped"},
+        {"text": "where is the bin?"},
+        {"object": "can"},
     ]
-    assert told[4] is events[4]
-    assert with_words(told, ()) == told
 
 
 def test_words_that_are_gone_leave_a_blank() -> None:
-    assert json.loads(with_words((event("note", has_words=True),), ())[0].data) == {"words": ""}
+    data, _ = apart("note", "forgotten")
+    assert with_words((event("note", **data),), ()) == [{"text": ""}]
+
+
+def test_nothing_said_leaves_nothing() -> None:
+    assert apart("note", "") == apart("note", None) == ({}, ())
