@@ -14,6 +14,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
@@ -23,6 +25,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.acts import NotNow, Remark, RemarkName
 from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
+from app.auth import Attempts
 from app.insight import Plane, PlaneKind, Thought, plane_of, thought_of
 from app.lab import Lab, NoSuchParticipant
 from app.pages import instruction
@@ -181,15 +184,11 @@ class Stream:
 
     async def _look_up(self) -> set[str]:
         """Read everybody again, beside the writing thread: ticks do not wait for it."""
-        store, known = self._lab.store.store, self._known
+        store = self._lab.store.store
 
         def read() -> dict[str, _Known]:
-            found = {}
-            for stored in store.sessions():
-                before = known.get(stored.participant)
-                label = before.label if before else dict(store.identities(stored.participant)).get("label")
-                found[stored.participant] = _Known(stored, label)
-            return found
+            labels = store.labels()
+            return {stored.participant: _Known(stored, labels.get(stored.participant)) for stored in store.sessions()}
 
         self._known = await asyncio.to_thread(read)
         return set(self._known) | set(self._sent)
@@ -277,12 +276,19 @@ async def _message(websocket: WebSocket, kind: type[Any]) -> Any:
         return None
 
 
-async def _is_admitted(websocket: WebSocket, lab: Lab) -> bool:
+async def _why_refused(websocket: WebSocket, lab: Lab) -> str:
+    """Why the dashboard is not let in, "" when it is. Wrong tokens are counted with those of the HTTP API."""
     try:
         hello = await asyncio.wait_for(_message(websocket, _Hello), HELLO_WITHIN_S)
     except (asyncio.TimeoutError, WebSocketDisconnect):
-        return False
-    return hello is not None and lab.is_experimenter(hello.token.strip())
+        hello = None
+    token = hello.token.strip() if hello is not None else ""
+    if lab.is_experimenter(token):
+        return ""
+    wrong_tokens: Attempts = websocket.app.state.wrong_tokens
+    address = websocket.client.host if websocket.client else ""
+    wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic())) if token else 0
+    return f"too many wrong tokens; try again in {wait_s} s" if wait_s else "the experimenter's token is needed"
 
 
 def add_live(app: FastAPI, lab: Lab) -> None:
@@ -296,9 +302,10 @@ def add_live(app: FastAPI, lab: Lab) -> None:
             await websocket.close(1008)
             return
         await websocket.accept()
-        if not await _is_admitted(websocket, lab):
+        refused = await _why_refused(websocket, lab)
+        if refused:
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-                await websocket.close(1008, "the experimenter's token is needed")
+                await websocket.close(1008, refused)
             return
         with places.take("dashboard") as is_free:
             if is_free:

@@ -10,7 +10,8 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 from websockets.asyncio.client import connect
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect as sync_connect
 
 from app import auth
 from app.bots import enter
@@ -98,6 +99,12 @@ def test_too_many_wrong_tokens_are_429_and_the_right_one_still_opens(start_lab: 
         assert 0 < int(answers[-1].headers["retry-after"]) <= 60
         assert "try again in" in answers[-1].json()["detail"]
         assert guesser.get("/api/sessions", headers=lab.headers).status_code == 200
+    socket = lab.base_url.replace("http", "ws", 1) + "/dashboard/socket"
+    with sync_connect(socket, proxy=None) as guess:
+        guess.send('{"type": "hello", "token": "guess-11"}')
+        with pytest.raises(ConnectionClosed) as closed:
+            guess.recv(timeout=20)
+    assert closed.value.rcvd is not None and "too many wrong tokens" in closed.value.rcvd.reason
 
 
 def test_every_route_is_either_open_or_asks_for_the_token(client: httpx.Client) -> None:

@@ -148,6 +148,14 @@ def test_a_thousand_participants_are_turned_through_page_by_page(
     assert (rows.count(), rows.last.get_attribute("data-participant")) == (10, "P001")
     page.get_by_test_id("roster-search").fill("p033")
     page.get_by_text("1–1 of 1").wait_for()
+    # The table of sessions shows those that somebody may have to act on.
+    page.get_by_test_id("sessions-left").get_by_text("60 more have not begun or are over.").wait_for()
+    sessions = page.get_by_test_id("session-row")
+    assert sessions.count() == 0
+    page.get_by_test_id("sessions-show").select_option("all")
+    assert [sessions.first.get_attribute("data-participant"), sessions.count()] == ["P060", 60]
+    page.get_by_test_id("sessions-show").select_option("")
+    assert sessions.count() == 0
     page.get_by_test_id("roster-show").select_option("done")
     page.get_by_test_id("roster-range").get_by_text("Nobody").wait_for()
 
