@@ -237,6 +237,7 @@ class Bot:
         self._instruction: Instruction | None = None
         self._page: Page | None = None
         self._ready = False
+        self._resumed = False
         self._seq = 0
         self._phase_ticks = 0
         self._pending: dict[str, str] = {}
@@ -284,7 +285,7 @@ class Bot:
             return
         self.report.pages.append(page.state)
         self._say(page.state + (f" (trial {page.trial} of {page.trials})" if page.trial else ""))
-        self._ready = False
+        self._ready = self._resumed = False
         self._phase_ticks = 0
         if page.state == "instructions":
             await self._answer_questions()
@@ -309,7 +310,8 @@ class Bot:
             await self._submit("start", {})
         elif status.status == "running":
             await self._drive()
-        elif status.status == "paused" and self._page.content.get("can_resume"):
+        elif status.status == "paused" and self._page.content.get("can_resume") and not self._resumed:
+            self._resumed = True  # once a pause: its status is told again when the robot is ready
             await self._submit("resume", {})
 
     async def _on_tick(self, tick: Tick) -> None:
