@@ -310,7 +310,8 @@ class Bot:
         elif status.status == "running":
             await self._drive()
         elif status.status == "paused" and self._page.content.get("can_resume"):
-            await self._submit("resume", {})
+            # It is told once more when the robot is there.
+            await self._submit_once("resume")
 
     async def _on_tick(self, tick: Tick) -> None:
         self.report.ticks += 1
@@ -362,6 +363,11 @@ class Bot:
         self._given_up.add(error.id)  # its other wrong answers are put right one by one
         self._wrong_tries[(error.field or "").removeprefix("answers.")] += 1
         await self._answer_questions()
+
+    async def _submit_once(self, step: str) -> None:
+        """Unless it is on its way already."""
+        if step not in self._pending.values():
+            await self._submit(step, {})
 
     async def _submit(self, step: str, data: dict[str, Any]) -> None:
         self._pending[await self._wire.submit(step, data)] = step

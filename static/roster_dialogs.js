@@ -8,8 +8,8 @@ const person = (participant) => `/api/participants/${encodeURIComponent(particip
 export async function reject(api, { participant }) {
   const reason = await ask({
     testid: "reject-dialog", title: `Reject ${participant}?`, danger: true, confirm: "Reject",
-    text: ["The session was completed, but its data cannot be used. Its place in the counterbalancing is given to the next participant. The data stay in the export; the event “rejected” marks them with your reason. This cannot be taken back."],
-    field: { label: "Reason (kept and exported: write no names)", required: true, missing: "Give a reason." },
+    text: ["The session was completed, but its data cannot be used. Its place in the counterbalancing is given to the next participant. The data stay in the export; the event “rejected” marks them. This cannot be taken back."],
+    field: { label: "Reason (kept in the lab, not exported)", required: true, missing: "Give a reason." },
   });
   if (reason === null) return null;
   await api.send(`${person(participant)}/reject`, { reason });
@@ -24,7 +24,7 @@ export async function withdraw(api, { participant }, consentSays) {
   const reason = await ask({
     testid: "withdraw-dialog", title: `Withdraw ${participant} at their wish?`, danger: true, confirm: "Withdraw", extra: choices,
     text: ["The session ends at once and the participant sees the page for those who stopped. Their place in the counterbalancing is given to the next participant."],
-    field: { label: "Remark (optional, kept and exported unless erased: write no names)", required: false },
+    field: { label: "Remark (optional, kept in the lab unless erased, not exported)", required: false },
   });
   if (reason === null) return null;
   const keep = choices.querySelector("input:checked")?.value !== "erase";

@@ -196,7 +196,7 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
         await board.line(participant)
         await board.watch(participant)
         said = [event["data"] for event in (await board.news())["events"] if event["kind"] == "step_help"]
-    assert said == [{"words": "before"}]
+    assert said == [{"text": "before"}]
     async with visit(at(lab, made["link"])) as player:
         page = await player.until(Page)
         assert (page.state, page.content["causes"]) == ("paused", ["connection"])

@@ -14,7 +14,6 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.messages import Heartbeat, Notice
-from app.words import KEPT_AS
 from tests.dashboard_client import Line, dashboard, socket_url
 from tests.lab_server import LabServer
 from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, read, visit
@@ -231,10 +230,10 @@ async def test_notes_marks_and_messages_are_events_with_who_and_what(quick_lab: 
         assert (await say(quick_lab, participant, "note", {"text": "afterwards"})).status_code == 200
     told = read(quick_lab, participant, "note", "message", "task_marked")
     assert told == [
-        ("note", {"by": "experimenter", "has_words": True}),
+        ("note", {"by": "experimenter", "text": text}),
         ("message", {"by": "experimenter", "text": text}),
         ("task_marked", {"by": "experimenter", "text": "slipped", "task": 1, "kind": "pickup"}),
-        ("note", {"by": "experimenter", "has_words": True}),
+        ("note", {"by": "experimenter", "text": "afterwards"}),
     ]
 
 
@@ -255,7 +254,8 @@ async def test_words_that_may_name_somebody_are_read_beside_their_event_and_stay
         told: list[dict[str, Any]] = []
         while not any(event["kind"] == "step_withdraw" for event in told):
             told += (await board.news())["events"]
-    words = [(event["kind"], event["data"].get("words")) for event in told if event["kind"] in KEPT_AS]
+    said = ("step_help", "note", "step_withdraw")
+    words = [(event["kind"], event["data"].get("text")) for event in told if event["kind"] in said]
     assert words == [
         ("step_help", "the screen of Ann Other is dark"),
         ("note", "Ann Other called"),

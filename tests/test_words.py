@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from app.words import with_words
+from app.words import apart, with_words
 from study.records import EventRow
 
 
@@ -14,25 +14,20 @@ def event(kind: str, **data: Any) -> EventRow:
 
 
 def test_each_event_gets_its_own_words_back_and_the_others_stay_as_they_are() -> None:
-    events = (
-        event("step_help", has_words=True),
-        event("step_help", has_words=False),
-        event("note", by="experimenter", has_words=True),
-        event("step_help", has_words=True),
-        event("task_marked", text="slipped"),
-    )
-    words = (("label", "Ann"), ("help", "first"), ("note", "a note"), ("help", "second"), ("user_agent", "Browser"))
-    told = with_words(events, words)
-    assert [json.loads(row.data) for row in told] == [
-        {"words": "first"},
+    first, first_kept = apart("step_help", "the screen of Ann is dark")
+    second, second_kept = apart("step_help", "now it is the sound")
+    silent, nothing_kept = apart("step_help", None)
+    events = (event("step_help", **second), event("step_help", **silent), event("step_help", by="AB", **first))
+    assert not any("Ann" in row.data or "sound" in row.data for row in events)
+    kept = (("label", "Ann"), *first_kept, *second_kept, *nothing_kept)
+    assert with_words(events, kept) == [
+        {"text": "now it is the sound"},
         {},
-        {"by": "experimenter", "words": "a note"},
-        {"words": "second"},
-        {"text": "slipped"},
+        {"by": "AB", "text": "the screen of Ann is dark"},
     ]
-    assert told[4] is events[4]
-    assert with_words(told, ()) == told
+    assert with_words((event("task_done", task=1),), kept) == [{"task": 1}]
 
 
-def test_words_that_are_gone_leave_a_blank() -> None:
-    assert json.loads(with_words((event("note", has_words=True),), ())[0].data) == {"words": ""}
+def test_words_that_were_erased_leave_a_blank() -> None:
+    data, _ = apart("note", "gone")
+    assert with_words((event("note", **data),), ()) == [{"text": ""}]
