@@ -16,7 +16,7 @@ import pytest
 
 from app.__main__ import main
 from app.bots import Bot, BotReport, PanelBot, Wire, enter, open_wire
-from app.messages import Error, Input, Message, Page, Status
+from app.messages import Ack, Error, Input, Message, Page, Status, Submit
 from study.records import TABLES, columns
 from study.surveys import validate_surveys
 from tests import lab_server
@@ -376,6 +376,7 @@ class ScriptedWire(Wire):
 
     def __init__(self, *lab: Message) -> None:
         self._lab = iter(lab)
+        self._name, self._numbers = "x", itertools.count(1)
         self.sent: list[Message] = []
 
     async def send(self, message: Message) -> None:
@@ -398,3 +399,16 @@ async def test_the_bot_waits_while_a_worker_is_replaced() -> None:
     await Bot(wire, None).run()
     assert [message.seq for message in wire.sent if isinstance(message, Input)] == [1, 2]
     assert len(wire.sent) == 2
+
+
+async def test_the_bot_resumes_once_however_often_it_is_told_of_the_pause() -> None:
+    wire = ScriptedWire(
+        Page(state="paused", trial=1, trials=3, content={"can_resume": True}),
+        Status(status="paused"),
+        Status(status="paused"),
+        Ack(id="bot-x-1"),
+        Status(status="paused"),  # another pause
+        Page(state="done", trial=None, trials=3, content={}),
+    )
+    await Bot(wire, None).run()
+    assert [message.step for message in wire.sent if isinstance(message, Submit)] == ["resume", "resume"]
