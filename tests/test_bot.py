@@ -407,7 +407,10 @@ async def test_the_bot_resumes_once_however_often_it_is_told_of_the_pause() -> N
         Status(status="paused"),
         Status(status="paused"),
         Ack(id="bot-x-1"),
-        Status(status="paused"),  # another pause
+        Status(status="paused"),  # told again when the robot is there
+        Page(state="trial", trial=1, trials=3, content={}),
+        Page(state="paused", trial=1, trials=3, content={"can_resume": True}),
+        Status(status="paused"),
         Page(state="done", trial=None, trials=3, content={}),
     )
     await Bot(wire, None).run()
