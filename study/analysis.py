@@ -18,11 +18,12 @@ from study import effects, statistics
 from study.dataset import DataSet
 from study.effects import NotFitted
 from study.instruments import Instrument
-from study.measures import Kind, Measures, Summary, summary
+from study.measures import Kind, Measures
 from study.mixed import MixedModel, mixed_model
 from study.observations import Observation, observations, survey_observations
 from study.questionnaires import own_instruments
 from study.statistics import Anova, Pair, RepeatedMeasures, Slope
+from study.summaries import Summary, summary
 
 MeasureId = Literal[
     "belief_gain", "convergence_user_actions", "efficiency_ticks", "window_rate", "sus_modified", "tlx_raw"

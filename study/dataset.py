@@ -18,10 +18,12 @@ import pandas as pd
 
 from study.export import read_meta, read_table
 from study.instruments import Instrument
-from study.measures import Measures, SurveyScore, conditions_of, measure, survey_scores
+from study.measures import Measures, measure
 from study.questionnaires import own_instruments
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
 from study.study_file import parse_toml
+from study.summaries import conditions_of
+from study.surveys import SurveyScore, survey_scores
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",

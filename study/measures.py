@@ -2,8 +2,6 @@
 
     measure(tasks, ticks) -> Measures(tasks, windows)
     window_rates(measures) -> one rate per participant and condition
-    survey_scores(answers) -> usability and workload per participant and condition
-    summarise(measures)   -> per condition and kind: n, mean and sd of each measure (`measures.json`)
 
 Words used here, all of them about the ticks of one task:
 
@@ -22,11 +20,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
-from study.instruments import Instrument
-from study.records import CONDITIONS, StudyError, SurveyAnswerRow, TaskRow
-from study.surveys import score
+from study.records import StudyError, TaskRow
 
 WINDOW_TICKS = 5
 """Shortest window: 2.5 s (paper IV-C.1)."""
@@ -37,7 +33,6 @@ TIE = 1e-12
 
 CONTROL_SOURCES = frozenset({"user", "robot", "idle"})
 Kind = Literal["all", "pickup", "dropoff"]
-KINDS_OF_SUMMARY: tuple[Kind, ...] = ("pickup", "dropoff", "all")
 WindowEnd = Literal["user", "gripper", "pause", "task"]
 
 
@@ -129,17 +124,6 @@ class WindowRate:
     def rate(self) -> float:
         """Windows per control tick."""
         return self.windows / self.control_ticks
-
-
-@dataclass(frozen=True)
-class SurveyScore:
-    """One questionnaire of one participant about one condition, 1 to 7 after reversing."""
-
-    participant: str
-    condition: str
-    position: int
-    instrument: str
-    score: float
 
 
 @dataclass(frozen=True)
@@ -361,117 +345,3 @@ def window_rates(measures: Measures, kind: Kind = "all") -> tuple[WindowRate, ..
     for window in measures.analysed_windows(kind):
         counts[window.participant, window.condition, window.position] += 1
     return tuple(WindowRate(*key, kind, counts[key], total) for key, total in ticks.items() if total)
-
-
-def survey_scores(
-    answers: Iterable[SurveyAnswerRow], own: Mapping[str, Instrument] | None = None
-) -> tuple[SurveyScore, ...]:
-    """Usability and workload after every trial, and the score of every one of the study's `own` questionnaires by id;
-    answers about the whole session (demographics) are passed over.
-
-    Raises `StudyError` when an item is missing, unknown, answered twice or out of range, naming the questionnaire.
-    """
-    given: dict[tuple[str, str, int, str], dict[str, Any]] = {}
-    for answer in answers:
-        if answer.condition is None or answer.trial is None:
-            continue
-        items = given.setdefault((answer.participant, answer.condition, answer.trial, answer.instrument), {})
-        if answer.item in items:
-            raise StudyError(
-                f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} "
-                "is answered twice; keep one of the rows"
-            )
-        items[answer.item] = _point(answer)
-    scores = []
-    for (participant, condition, trial, instrument), items in given.items():
-        try:
-            value = score((own or {}).get(instrument, instrument), items)
-        except StudyError as error:
-            raise StudyError(f"participant {participant}, trial {trial}: {error}") from None
-        scores.append(SurveyScore(participant, condition, trial, instrument, value))
-    return tuple(scores)
-
-
-def _point(answer: SurveyAnswerRow) -> int:
-    try:
-        return int(answer.value)
-    except ValueError:
-        raise StudyError(
-            f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} is "
-            f"{answer.value!r}; it must be a whole number"
-        ) from None
-
-
-# ---- summaries ------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Summary:
-    """n, mean and sample standard deviation; mean is None without values, sd with fewer than two."""
-
-    n: int
-    mean: float | None
-    sd: float | None
-
-
-def summary(values: Sequence[float]) -> Summary:
-    """n, mean, sd (n - 1 in the denominator)."""
-    if not values:
-        return Summary(0, None, None)
-    count = len(values)
-    mean = math.fsum(values) / count
-    squares = math.fsum((value - mean) ** 2 for value in values)
-    return Summary(count, mean, math.sqrt(squares / (count - 1)) if count > 1 else None)
-
-
-def conditions_of(measures: Measures) -> tuple[str, ...]:
-    """The conditions that occur: the paper's in its order, then any others by name."""
-    present = {task.condition for task in measures.tasks}
-    known = tuple(condition for condition in CONDITIONS if condition in present)
-    return known + tuple(sorted(present - set(known)))
-
-
-def summarise(measures: Measures, scores: Iterable[SurveyScore] = ()) -> dict[str, Any]:
-    """Per condition and kind of task: n, mean and sd of each measure, and what was counted. Plain data for JSON."""
-    scores = tuple(scores)
-    return {
-        condition: {
-            "tasks": {kind: _summarise_kind(measures, condition, kind) for kind in KINDS_OF_SUMMARY},
-            "surveys": {
-                name: vars(
-                    summary([item.score for item in scores if (item.condition, item.instrument) == (condition, name)])
-                )
-                for name in sorted({item.instrument for item in scores})
-            },
-        }
-        for condition in conditions_of(measures)
-    }
-
-
-def _summarise_kind(measures: Measures, condition: str, kind: Kind) -> dict[str, Any]:
-    tasks = [task for task in measures.analysed_tasks(kind) if task.condition == condition]
-    windows = [window for window in measures.analysed_windows(kind) if window.condition == condition]
-    gains = [window for window in windows if window.uncertain]
-    converged = [task.convergence_user_actions for task in tasks if task.convergence_user_actions is not None]
-    rates = [item.rate for item in window_rates(measures, kind) if item.condition == condition]
-    run = [task for task in measures.tasks if task.condition == condition and kind in ("all", task.kind)]
-    return {
-        "efficiency_ticks": vars(summary([task.efficiency_ticks for task in tasks])),
-        "convergence_user_actions": vars(summary(converged)),
-        "belief_gain": vars(summary([window.gain for window in gains if window.gain is not None])),
-        "window_rate": vars(summary(rates)),
-        "belief_gain_by_goals": {
-            str(count): vars(summary([w.gain for w in gains if w.goals == count and w.gain is not None]))
-            for count in sorted({window.goals for window in gains})
-        },
-        "counts": {
-            "analysed": len(tasks),
-            "never_converged": len(tasks) - len(converged),
-            "successes": sum(task.outcome == "success" for task in run),
-            "failures": sum(task.outcome == "failure" for task in run),
-            "not_run": sum(row.condition == condition and kind in ("all", row.kind) for row in measures.not_run),
-            "windows": len(windows),
-            "windows_ended_by_user": sum(window.ended_by == "user" for window in windows),
-            "windows_above_entropy": len(gains),
-        },
-    }

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from study.measures import Kind, Measures, SurveyScore, window_rates
+from study.measures import Kind, Measures, window_rates
+from study.surveys import SurveyScore
 
 
 @dataclass(frozen=True)

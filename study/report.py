@@ -16,8 +16,9 @@ from study.analysis import KIND_TITLES, Analysis, Comparison
 from study.dataset import AnalysisError
 from study.effects import Interval, NotFitted
 from study.figures import HEATMAP_NAME, Heatmap, Picture, draw_all, looks
-from study.measures import GAIN_ENTROPY, WINDOW_TICKS, summarise
+from study.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.statistics import Pair, RepeatedMeasures
+from study.summaries import summarise
 from study.tables import MEASURES_FORMAT, all_tables, measures_json
 from study.wording import interval, mean_sd, methods, number, p_value, settings
 

@@ -202,3 +202,53 @@ def _unknown(answers: Mapping[Any, object], known: Iterable[str], field: str) ->
 
 def _is_blank(value: object) -> bool:
     return value is None or (isinstance(value, str) and not value.strip())
+
+
+@dataclass(frozen=True)
+class SurveyScore:
+    """One questionnaire of one participant about one condition, 1 to 7 after reversing."""
+
+    participant: str
+    condition: str
+    position: int
+    instrument: str
+    score: float
+
+
+def survey_scores(
+    answers: Iterable[SurveyAnswerRow], own: Mapping[str, Instrument] | None = None
+) -> tuple[SurveyScore, ...]:
+    """Usability and workload after every trial, and the score of every one of the study's `own` questionnaires by id;
+    answers about the whole session (demographics) are passed over.
+
+    Raises `StudyError` when an item is missing, unknown, answered twice or out of range, naming the questionnaire.
+    """
+    given: dict[tuple[str, str, int, str], dict[str, Any]] = {}
+    for answer in answers:
+        if answer.condition is None or answer.trial is None:
+            continue
+        items = given.setdefault((answer.participant, answer.condition, answer.trial, answer.instrument), {})
+        if answer.item in items:
+            raise StudyError(
+                f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} "
+                "is answered twice; keep one of the rows"
+            )
+        items[answer.item] = _point(answer)
+    scores = []
+    for (participant, condition, trial, instrument), items in given.items():
+        try:
+            value = score((own or {}).get(instrument, instrument), items)
+        except StudyError as error:
+            raise StudyError(f"participant {participant}, trial {trial}: {error}") from None
+        scores.append(SurveyScore(participant, condition, trial, instrument, value))
+    return tuple(scores)
+
+
+def _point(answer: SurveyAnswerRow) -> int:
+    try:
+        return int(answer.value)
+    except ValueError:
+        raise StudyError(
+            f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} is "
+            f"{answer.value!r}; it must be a whole number"
+        ) from None

@@ -11,9 +11,10 @@ from typing import Any
 
 from study.analysis import Analysis, Comparison
 from study.effects import Interval, NotFitted
-from study.measures import TaskMeasures, WindowMeasures, summarise, window_rates
+from study.measures import TaskMeasures, WindowMeasures, window_rates
 from study.mixed import MixedModel
 from study.statistics import RepeatedMeasures
+from study.summaries import summarise
 
 MEASURES_FORMAT = "shared-autonomy-lab measures"
 MEASURES_VERSION = 1

@@ -9,8 +9,9 @@ from typing import Any
 from study.analysis import Analysis
 from study.effects import Interval
 from study.instruments import INSTRUMENTS, Instrument
-from study.measures import GAIN_ENTROPY, WINDOW_TICKS, Summary
+from study.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.questionnaires import own_instruments
+from study.summaries import Summary
 
 MINUS = "−"
 

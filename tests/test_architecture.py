@@ -58,8 +58,8 @@ MODULES = {
         app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
         sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
         study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.overview
-        study.instruments study.fields study.parts study.questionnaires study.records study.measures study.roster
+        study.overview study.instruments study.fields study.parts study.questionnaires study.records study.roster
+        study.measures study.summaries
         study.observations study.quality study.eligibility study.recruiting
     """,
 }

@@ -16,11 +16,10 @@ from study.analysis import analyse
 from study.dataset import load as load_data
 from study.design import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
 from study.export import write_tables
-from study.measures import survey_scores
 from study.protocol import Session
 from study.questionnaires import own_instruments
 from study.study_file import parse_toml
-from study.surveys import answer_rows, score, validate_surveys
+from study.surveys import answer_rows, score, survey_scores, validate_surveys
 from study.wording import methods
 from tests.analysis_samples import data_set
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC

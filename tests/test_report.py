@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from study.measures import Summary
+from study.summaries import Summary
 from study.wording import mean_sd, number, p_value
 from tests.analysis_samples import Wanted, data_set
 
