@@ -25,6 +25,8 @@ from app.studies import Person, Pool, Values
 
 SIZES = (6, 12, 18, 24, 36, 48)
 TARGET = 0.80
+BATCH = 25
+"""Draws that a process takes at once: each batch costs it a copy of all people, and between batches progress shows."""
 _WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _BOTTOM = 880, 520, 60, 40, 300, 50
 _COLORS = ("#1b6ca8", "#d1495b", "#2e8b57", "#b8860b", "#6a4c93", "#444444")
 
@@ -75,7 +77,7 @@ def power(
                 found[job] = _draw(pool, claims, seed, job)
                 bar.step()
         else:
-            batches = [tuple(jobs[start::workers]) for start in range(workers)]
+            batches = [tuple(jobs[start : start + BATCH]) for start in range(0, len(jobs), BATCH)]
             for batch, results in run_jobs(partial(_draw_batch, pool, claims, seed), batches, workers):
                 for job, result in zip(batch, results, strict=True):
                     found[job] = result
