@@ -22,7 +22,7 @@ from tests import chromium
 from tests import lab_server as labs
 from tests.browser_person import BrowserPerson
 from tests.conftest import CHROMIUM_ARGUMENTS
-from tests.wire_client import COMPREHENSION, invite, write_study
+from tests.wire_client import COMPREHENSION, OPEN, invite, write_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -179,6 +179,15 @@ def second_device(camera: Camera, folder: Path) -> None:
         keep("session", desk.screenshot())
 
 
+def open_link(camera: Camera, folder: Path) -> None:
+    """The open link of a study that recruits online."""
+    with labs.start(folder / "open", "--robot", "kinematic", "--study", str(write_study(folder, OPEN))) as lab:
+        page = camera.page()
+        page.goto(f"{lab.base_url}/join?PROLIFIC_PID=5f1e2d3c4b5a69788796a5b4&STUDY_ID=1&SESSION_ID=1")
+        page.get_by_role("button", name="Begin").wait_for(timeout=30_000)
+        keep("join", page.screenshot())
+
+
 def report(camera: Camera, folder: Path) -> None:
     """The report of twelve simulated participants."""
     data, out = folder / "data", folder / "report"
@@ -195,6 +204,7 @@ def report(camera: Camera, folder: Path) -> None:
 PARTS: Mapping[str, Callable[[Camera, Path], None]] = {
     "participant": participant,
     "second_device": second_device,
+    "open_link": open_link,
     "report": report,
 }
 

@@ -335,7 +335,7 @@ async def orbit(browser: AsyncBrowser, lab: LabServer, participant: str) -> None
     await frame.wait_for_function(f"(before) => {where} !== before", arg=before)
     await page.keyboard.up("ArrowLeft")
     await page.keyboard.press("Escape")
-    assert await page.evaluate("document.activeElement.dataset.testid") == "spectator-steer"
+    await expect_async(page.get_by_test_id("spectator-steer")).to_be_focused()
     turned = await frame.evaluate(where)
     box = await page.get_by_test_id("spectator-frame").bounding_box()
     assert box is not None
