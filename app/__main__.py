@@ -6,7 +6,6 @@ import argparse
 import asyncio
 import json
 import os
-import shutil
 import socket
 import sys
 import time
@@ -262,7 +261,7 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _erase(options: argparse.Namespace) -> None:
-    from app.reporter import FOLDER
+    from app import reporter
     from study.store import open_store
 
     with open_store(options.data, exclusive=True, must_exist=True) as store:
@@ -270,7 +269,7 @@ def _erase(options: argparse.Namespace) -> None:
         if not options.yes:
             raise LabError(f"{options.participant} would be erased for good; say --yes to do it")
         store.erase(options.participant, utc_text(time.time()))
-    shutil.rmtree(options.data / FOLDER, ignore_errors=True)  # of a lab that was killed; it may hold them
+    reporter.remove(options.data)  # of a lab that was killed
     print(f"erased {options.participant}: only the mark that there was one is left")
 
 

@@ -333,7 +333,7 @@ def _command_route(name: CommandName, text: str, needs_words: bool = False) -> N
     async def route(participant: str, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
         words = (body.reason or "").strip() or None
         if needs_words and words is None:
-            raise HTTPException(422, "reason: must not be empty; it is kept with the session")
+            raise HTTPException(422, "reason: must not be empty; it is kept in the lab, never exported")
         try:
             session = await lab.command(participant, Command(name, words), who)
         except NoSuchParticipant as error:

@@ -60,6 +60,7 @@ class Course:
             rows["finished_utc"] = stage.around.now_utc()
         if before.place == "trial" and after.place != "trial" and event.name != "trial_done":
             rows["trials"] = (await self._closed_trial("aborted"),)
+            events = (*stage.noticed, *events)  # the verdict counts them, and no tick follows to write them with
             rows["alerts"] = [item.alert for item in stage.phase.close_distractor()]
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             stage.vitals.overruns = 0

@@ -3,7 +3,7 @@
 POST   /api/desk                         with the token: a cookie for /dashboard, which scripts cannot read
 DELETE /api/desk                         takes it away
 GET    /dashboard/scene/{participant}/   the 3-D view with a camera to steer, and its WebSocket without the slash
-    GET    /dashboard/report/                the report of the data so far, and its figures below
+GET    /dashboard/report/                the report of the data so far, and its figures below
 """
 
 from __future__ import annotations

@@ -217,10 +217,13 @@ class Lab:
         await self.stored_session(participant)
         return self.link(await self.new_token(participant))
 
-    async def new_token(self, participant: str, role: Literal["participant", "panel"] = "participant") -> str:
-        """Another key to one of the participant's pages: of those given out before, only hashes are known."""
+    async def new_token(
+        self, participant: str, role: Literal["participant", "panel"] = "participant", *, alone: bool = False
+    ) -> str:
+        """Another key to one of the participant's pages: of those given out before, only hashes are known. `alone`:
+        they open nothing any more."""
         token, utc = new_token(), utc_text(self._now_unix_s())
-        await self.store.run(lambda store: store.add_token(participant, role, token_hash(token), utc))
+        await self.store.run(lambda store: store.add_token(participant, role, token_hash(token), utc, alone=alone))
         return token
 
     async def reject(self, participant: str, reason: str, by: str) -> bool:
@@ -251,8 +254,9 @@ class Lab:
             live = self._live.pop(participant, None)
             if live is not None:
                 await live.close()
+            await self.reporter.discard()  # its process may be reading: the log could not be emptied
             is_clean = await self.store.run(lambda store: store.erase(participant, utc))
-            await self.reporter.discard()
+            await self.reporter.discard()  # of one begun in between
         self.changed(participant)
         return is_clean
 

@@ -72,7 +72,9 @@ class Recruiter:
             reply = await self._answer(stored.session.state, is_known)
             if reply != "back":
                 return Offer(reply, ids)
-            return Offer("back", ids, (), stored.public_id, token if is_known else await self._lab.new_token(found))
+            # Whoever else began under this id must not be there when this person has agreed to take part.
+            key = token if is_known else await self._lab.new_token(found, alone=True)
+            return Offer("back", ids, (), stored.public_id, key)
 
     async def _found(self, ids: Mapping[str, str]) -> str | None:
         """The participant who began under the person's id."""

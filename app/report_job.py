@@ -25,6 +25,8 @@ from study.records import StudyError
 from study.store import open_store
 
 STEPS = ("Reading the records", "Measuring the trials", "Comparing the conditions", "Drawing the figures")
+WORK_PREFIX = ".report-"
+"""What the folder of a job begins with, beside OUT. A job that is killed leaves it; it holds an export."""
 NICENESS = 15
 """The robots of live sessions come first."""
 
@@ -38,7 +40,7 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
         say({"step": number, "of": len(STEPS), "text": STEPS[number - 1]})
 
     out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".report-", dir=out.parent) as made:
+    with tempfile.TemporaryDirectory(prefix=WORK_PREFIX, dir=out.parent) as made:
         package, report = Path(made) / "data", Path(made) / "report"
         try:
             step(1)

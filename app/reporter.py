@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from app.acts import NotNow
+from app.report_job import WORK_PREFIX
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = "report"
@@ -37,6 +38,12 @@ class ReportStatus:
     trials: int = 0
     figures: tuple[tuple[str, str], ...] = ()
     """(name, title)"""
+
+
+def remove(data_dir: Path) -> None:
+    """Remove what was made, and what jobs that were killed have left: both may hold what was measured of somebody."""
+    for folder in (data_dir / FOLDER, *data_dir.glob(f"{WORK_PREFIX}*")):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 class Reporter:
@@ -63,12 +70,12 @@ class Reporter:
         return self.status
 
     async def discard(self) -> None:
-        """End what is under way and remove what was made."""
+        """End what is under way and remove what was made, and what the work on it has left."""
         if self._task is not None:
             self._task.cancel()
         await self.finished()
         self.status = ReportStatus()
-        await asyncio.to_thread(shutil.rmtree, self.folder, True)
+        await asyncio.to_thread(remove, self._data_dir)
 
     async def _make(self) -> None:
         arguments = (sys.executable, "-m", "app.report_job", str(self._data_dir.resolve()), str(self.folder.resolve()))
@@ -80,22 +87,25 @@ class Reporter:
             stdout=asyncio.subprocess.PIPE,
         )
         assert process.stdout is not None
+        ended: ReportStatus | None = None
         try:
             async for line in process.stdout:
-                self._hear(json.loads(line))
+                said = json.loads(line)
+                ended = self._end(said)
+                if ended is None:
+                    self.status = replace(self.status, **said)
         finally:
-            if process.returncode is None and self.status.state == "making":
+            if process.returncode is None and ended is None:
                 process.kill()
             code = await process.wait()
-        if self.status.state == "making":
-            self.status = ReportStatus("cannot", f"The report's process ended with {code}; the lab's console says why.")
+        # Not before the process is gone: until then another one could not be told from it.
+        lost = f"The report's process ended with {code}; the lab's console says why."
+        self.status = ended or ReportStatus("cannot", lost)
 
-    def _hear(self, said: dict[str, Any]) -> None:
+    def _end(self, said: dict[str, Any]) -> ReportStatus | None:
+        """What is said at the end of the work; None for a step of it."""
         if "made" in said:
             made = dict(said["made"])
             figures = tuple((figure["name"], figure["title"]) for figure in made.pop("figures"))
-            self.status = ReportStatus("made", made_utc=self._now_utc(), figures=figures, **made)
-        elif "cannot" in said:
-            self.status = ReportStatus("cannot", said["cannot"])
-        else:
-            self.status = replace(self.status, **said)
+            return ReportStatus("made", made_utc=self._now_utc(), figures=figures, **made)
+        return ReportStatus("cannot", said["cannot"]) if "cannot" in said else None

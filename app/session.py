@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from app import pages
-from app.acts import EVENTS, Circumstances, Command, Remark, refuse_unless
+from app.acts import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
 from app.audience import Audience, panel_page, refuse
 from app.course import Course
 from app.messages import Heartbeat, Input, Message, Pong
@@ -95,9 +95,7 @@ class LiveSession:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
         while not self._queue.empty():
-            waiting = self._queue.get_nowait().done
-            if waiting is not None:
-                waiting.cancel()
+            _closed(self._queue.get_nowait())
         self._stage.onlookers.end()
         await self._stage.forget_phase()
         self._audience.end()
@@ -248,6 +246,9 @@ class LiveSession:
                 await handlers[work.kind](work)
                 if work.done is not None and not work.done.done():
                     work.done.set_result(None)
+            except asyncio.CancelledError:
+                _closed(work)
+                raise
             except Exception as error:
                 self._could_not(work, error)
             self._around.changed(self.enrolment.participant)
@@ -276,7 +277,8 @@ class LiveSession:
             stage.panel_link = await self._around.panel_link()
         self._audience.welcome(client, stage.last_seq)
         client.deliver(stage.page() if client.role == "participant" else panel_page(stage.session))
-        stage.measure()
+        if client.role == "participant":
+            stage.measure()
         status = stage.status()
         if status is not None:
             client.deliver(status)
@@ -382,6 +384,12 @@ class LiveSession:
             self._audience.show_notice(remark.text)
         elif remark.name == "help_seen":
             stage.vitals.help_wanted = False
+
+
+def _closed(work: _Work) -> None:
+    """Tell whoever waits for a piece of work that nothing will come of it."""
+    if work.done is not None and not work.done.done():
+        work.done.set_exception(NotNow("The session was closed in this moment."))
 
 
 def _present(client: Client | None) -> Client:

@@ -15,6 +15,7 @@ from the log.
 
 from __future__ import annotations
 
+import logging
 import signal
 import time
 from contextlib import ExitStack, suppress
@@ -49,6 +50,8 @@ from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 
 if TYPE_CHECKING:
     from sim.scene import SceneView
+
+log = logging.getLogger(__name__)
 
 IDLE_WAIT_S = 0.25
 """How often a worker that runs no ticks looks whether the lab is still there."""
@@ -210,8 +213,14 @@ class Worker:
         self._draw(ended=result)
 
     def _tend_gallery(self) -> None:
-        """What the experimenters see; after what the participant sees."""
-        changed = self._gallery.tend(self._engine) if self._gallery is not None else None
+        """What the experimenters see, after what the participant sees. If it fails they lose it; the trial goes on."""
+        if self._gallery is None:
+            return
+        try:
+            changed = self._gallery.tend(self._engine)
+        except Exception:
+            log.exception("the experimenters' view of %s failed and is given up", self._spec.setup.participant)
+            self._gallery, changed = None, (None,)
         if changed is not None:
             self._connection.send(SpectatorPort(*changed))
 

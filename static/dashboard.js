@@ -73,6 +73,7 @@ const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 function drawn(sessions) {
   lastMs = Date.now();
   rows.update(sessions);
+  results.follow(sessions);
   sayUpdated();
 }
 

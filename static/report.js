@@ -22,6 +22,7 @@ export class Report {
 
   start() {
     this.running = true;
+    this.drawn = ""; // the browser may have given back what opens the report
     this._look();
   }
 

@@ -6,6 +6,7 @@ import { ask } from "./shell.js";
 
 const PAGE = 25;
 const EVERY_MS = 10_000;
+const SOON_MS = 2000; // after a trial or its questionnaires have begun or ended, at most this often
 const SHOW = [["all", "Every trial"], ["suspect", "Suspect ones"], ["good", "Good ones"]];
 const COLUMNS = ["Trial", "Condition", "Verdict", "Why", "Round trip", "Hidden", "Late ticks", "Focus lost", "Pad lost", "Unanswered", "Actions"];
 
@@ -47,6 +48,20 @@ export class Results {
   stop() {
     this.report.stop();
     clearInterval(this.timer);
+    clearTimeout(this.soon);
+    this.soon = 0;
+  }
+
+  /** Looks again soon when somebody has come to or left a trial or its questionnaires. */
+  follow(sessions) {
+    const counted = (place) => (place === "trial" || place === "survey" ? place : "");
+    const stand = sessions.map(({ participant, trial, place }) => `${participant} ${trial} ${counted(place)}`).join();
+    if (stand === this.stand) return;
+    this.stand = stand;
+    this.soon ||= setTimeout(() => {
+      this.soon = 0;
+      if (!document.hidden) this.refresh();
+    }, SOON_MS);
   }
 
   async refresh() {

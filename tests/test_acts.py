@@ -16,7 +16,7 @@ import pytest
 
 from app.acts import ACTS, EVENTS, Circumstances, why_not
 from app.bots import Bot, enter, open_wire
-from app.messages import Error, Notice, Page, Status
+from app.messages import Error, Heartbeat, Notice, Page, Status
 from study.protocol import TERMINAL, Event, Session, advance, allowed, new_session
 from study.records import EventRow, TickRow
 from tests.lab_server import LabServer
@@ -102,6 +102,9 @@ async def test_an_aborted_trial_is_kept_marked_and_the_session_goes_on(quick_lab
         await player.reach_trial()
         for _ in range(20):  # ten seconds of trial time: the first reading
             last = await player.tick()
+        for focused in (True, False):
+            await player.send(Heartbeat(seq=0, direction=None, focused=focused))
+        await player.in_step()
         answer = await command(quick_lab, participant, "abort_trial", "the robot is stuck")
         assert answer.json()["state"] == "survey"
         await player.reach("trial_ready")
@@ -116,6 +119,7 @@ async def test_an_aborted_trial_is_kept_marked_and_the_session_goes_on(quick_lab
         (alert,) = store.rows_of("alerts", participant, trial=1)
     assert (first.outcome, first.ticks, second.outcome) == ("aborted", last.tick + 1, "running")
     assert first.finished_utc and first.quality
+    assert first.focus_losses == len(events(quick_lab, participant, "focus_lost")) == 1  # no tick came after it
     assert alert.status == "trial_ended"
     assert read(quick_lab, participant, "abort_trial") == [
         ("abort_trial", {"by": "experimenter", "text": "the robot is stuck"})

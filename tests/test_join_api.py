@@ -180,6 +180,11 @@ async def test_an_id_opens_nothing_in_another_browser_once_its_owner_has_agreed(
     with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:
         # The check of the device may ask for another browser: until consent the id is enough.
         assert join(other, person).json()["page"] == reply["page"]
+        place = str(httpx.URL(open_lab.base_url).join(reply["page"]))
+        # One browser at a time: nobody else is left there when the owner agrees.
+        assert [browser.get(place).status_code for browser in (someone, other)] == [403, 200]
+        assert join(someone, person).json()["page"] == reply["page"]
+        assert [browser.get(place).status_code for browser in (someone, other)] == [200, 403]
     async with open_wire(entrance(open_lab, someone, reply), "tab") as wire:
         await Player(wire).reach("demographics")
     with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:

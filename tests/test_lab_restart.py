@@ -7,6 +7,7 @@ import contextlib
 import os
 import select
 import signal
+import threading
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from app.acts import Command
+from app.acts import Command, NotNow
 from app.bots import Bot, BotError, enter, open_wire
 from app.config import LabConfig
 from app.lab import Lab
@@ -322,6 +323,28 @@ async def lab_in_here(folder: Path) -> AsyncIterator[Lab]:
         yield lab
     finally:
         await lab.close()
+
+
+async def test_who_waits_for_a_session_that_is_closed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with lab_in_here(tmp_path) as lab:
+        participant = (await lab.invite()).participant
+        writing, written = threading.Event(), threading.Event()
+        commit = Store.commit
+
+        def slow(store: Store, **rows: Any) -> bool:
+            writing.set()
+            written.wait(ENDS_WITHIN_S)
+            return commit(store, **rows)
+
+        monkeypatch.setattr(Store, "commit", slow)
+        waiting = [asyncio.create_task(lab.command(participant, Command("pause"), "AB")) for _ in range(2)]
+        await asyncio.to_thread(writing.wait, ENDS_WITHIN_S)  # the first is being dealt with, the other queues
+        live = lab.live_session(participant)
+        assert live is not None
+        await live.close()
+        written.set()
+        for answer in await asyncio.wait_for(asyncio.gather(*waiting, return_exceptions=True), ENDS_WITHIN_S):
+            assert isinstance(answer, NotNow)
 
 
 async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

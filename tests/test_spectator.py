@@ -192,6 +192,19 @@ def test_a_robot_that_waits_can_be_looked_at_and_one_without_a_scene_says_no(mon
     assert isinstance(bare[0].report, Ready) and [report.port for report in of(bare, SpectatorPort)] == [None]
 
 
+def test_a_view_that_fails_costs_the_onlookers_their_picture_and_the_participant_nothing(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken() -> Any:
+        raise OSError("no free port")
+
+    schedule = [*beats(0.0, 3.0), (1.0, Begin()), (1.2, Spectate(True)), (1.8, Spectate(True)), (2.4, Stop())]
+    sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), gallery=Gallery(broken))
+    assert len(of(sent, Ticked)) == 3
+    assert [report.port for report in of(sent, SpectatorPort)] == [None, None]
+    assert "no free port" in caplog.text
+
+
 class Line:
     """A line to a worker that notes what it is sent."""
 

@@ -129,6 +129,11 @@ def add_token(connection: sql.Connection, participant: str, role: str, sha256: s
     insert(connection, TOKENS, sha256=sha256, participant=participant, role=role, created_utc=utc)
 
 
+def drop_tokens(connection: sql.Connection, participant: str, role: str) -> None:
+    """The links of a participant to one of their pages open nothing any more."""
+    connection.execute(TOKENS.delete().where(TOKENS.c.participant == participant, TOKENS.c.role == role))
+
+
 def holder_of_token(connection: sql.Connection, sha256: str) -> tuple[str, str] | None:
     """(participant, role) of a token's SHA-256, or None."""
     query = sql.select(TOKENS.c.participant, TOKENS.c.role).where(TOKENS.c.sha256 == sha256)

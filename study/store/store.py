@@ -105,9 +105,11 @@ class Store:
         with self._database.read() as connection:
             return participants.holder_of_token(connection, sha256)
 
-    def add_token(self, participant: str, role: str, sha256: str, utc: str) -> None:
-        """Another link for a participant."""
+    def add_token(self, participant: str, role: str, sha256: str, utc: str, *, alone: bool = False) -> None:
+        """Another link for a participant; `alone`: those to this page from before open nothing any more."""
         with self._database.write() as connection:
+            if alone:
+                participants.drop_tokens(connection, participant, role)
             participants.add_token(connection, participant, role, sha256, utc)
 
     def add_identity(self, participant: str, kind: str, value: str) -> None:
