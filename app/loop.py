@@ -58,7 +58,9 @@ class Pacer:
         """The deadline that is due, or None. The next one is the first grid point after now."""
         if self._next_s is None or now_s < self._next_s:
             return None
-        missed = int((now_s - self._next_s) // self.period_s)
-        due_s = self._next_s + missed * self.period_s
-        self._next_s = due_s + self.period_s
+        first_s, missed = self._next_s, int((now_s - self._next_s) // self.period_s)
+        # Rounding may leave the quotient on the wrong side of a grid point.
+        missed += int(first_s + (missed + 1) * self.period_s <= now_s) - int(first_s + missed * self.period_s > now_s)
+        due_s = first_s + missed * self.period_s
+        self._next_s = first_s + (missed + 1) * self.period_s
         return Deadline(due_s, now_s - due_s, missed)

@@ -155,6 +155,7 @@ class Pupil(Bot):
             await super()._on_error(error)
 
 
+@pytest.mark.slow
 async def test_practice_once_more_goes_on_in_the_record_whatever_is_killed(
     start_lab: Callable[..., LabServer], tmp_path: Path
 ) -> None:

@@ -317,6 +317,7 @@ async def test_answers_that_are_empty_unknown_duplicate_or_late(quick_lab: LabSe
     ]
 
 
+@pytest.mark.slow
 async def test_readings_stand_still_while_paused_and_come_back_after_a_reload(quick_lab: LabServer) -> None:
     made = invite(quick_lab)
     participant = made["participant"]
