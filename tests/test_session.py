@@ -11,6 +11,7 @@ import pytest
 from app.bots import BotError
 from app.messages import Ack, Alert, AlertClosed, Error, Input, Message, Page, Ping, Status, Superseded, Tick
 from study.records import AlertRow, TickRow
+from tests.dashboard_client import dashboard
 from tests.lab_server import LabServer
 from tests.wire_client import (
     COMPREHENSION,
@@ -75,6 +76,8 @@ async def test_a_lost_connection_pauses_and_the_trial_goes_on_where_it_was(quick
         await player.status("running")
         resumed = await player.tick(RIGHT)
         assert resumed.tick == 3
+    async with dashboard(quick_lab) as board:
+        await board.line(made["participant"], lambda line: line["state"] == "paused" and not line["connected"])
     rows = ticks(quick_lab, made["participant"])
     assert [row.tick for row in rows] == [0, 1, 2, 3]
     assert [row.after_pause for row in rows] == [0, 0, 0, 1]
