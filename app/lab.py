@@ -421,12 +421,14 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
     alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
     events: tuple[EventRow, ...] = store.rows_of("events", participant)
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
+    help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
     return Resumed(
         distractor=from_rows(study.distractor, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         sound=setups[-1].get("sound") if setups else None,
+        help_wanted=help_calls[-1:] == ["step_help"],
         events=events[-KEPT_EVENTS:],
     )
 

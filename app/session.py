@@ -68,7 +68,7 @@ class LiveSession:
             enrolment=enrolment,
             around=around,
             session=session,
-            vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound),
+            vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound, help_wanted=resumed.help_wanted),
             audience=self._audience,
             link=self._link,
             onlookers=Onlookers(self._link),

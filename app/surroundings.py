@@ -70,6 +70,7 @@ class Resumed:
     last_seq: int = 0
     overruns: int = 0
     sound: bool | None = None
+    help_wanted: bool = False
     events: tuple[EventRow, ...] = ()
     """The last ones."""
 

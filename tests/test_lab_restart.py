@@ -203,6 +203,8 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
         assert (page.state, page.content["causes"]) == ("paused", ["connection"])
         assert player.seq == kept[-1].input_seq
         await player.done("help", {"text": "before"}, identifier="help-1")  # resent: it was acknowledged already
+        async with dashboard(lab) as board:
+            await board.line(participant, lambda line: line["connected"] and line["help_wanted"])  # nobody has seen it
         await player.done("resume")
         await player.status("running")
         assert (await player.tick(LEFT)).tick == len(kept)
