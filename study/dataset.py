@@ -134,7 +134,9 @@ def load(folder: Path | str) -> DataSet:
     people = _analysed(folder, everyone)
     names = {row.participant for row in people}
     all_trials: list[TrialRow] = [row for row in read_table(folder, "trials") if row.participant in names]
-    trials = [row for row in all_trials if row.outcome == "completed"]
+    studies, notes = _studies(folder, meta)
+    completed = [row for row in all_trials if row.outcome == "completed"]
+    trials = _not_excluded(folder, completed, studies, notes)
     if not trials:
         found = ", ".join(f"{count} {outcome}" for outcome, count in Counter(t.outcome for t in all_trials).items())
         raise AnalysisError(
@@ -157,7 +159,6 @@ def load(folder: Path | str) -> DataSet:
         for row in read_table(folder, "survey_answers")
         if row.trial is not None and (row.participant, row.trial) in kept
     ]
-    studies, notes = _studies(folder, meta)
     own: dict[str, Instrument] = {}
     for study in studies.values():
         for name, form in own_instruments(study).items():
@@ -271,6 +272,23 @@ def _studies(folder: Path, meta: dict[str, Any]) -> tuple[dict[str, dict[str, An
             f"Participants ran under {len(meta['studies'])} different study files; they are analysed together."
         )
     return studies, notes
+
+
+def _not_excluded(
+    folder: Path, completed: list[TrialRow], studies: dict[str, dict[str, Any]], notes: list[str]
+) -> list[TrialRow]:
+    """The trials to analyse: all, or without the suspect ones where a study file says so; `notes` tells how many."""
+    if not any(study.get("quality", {}).get("exclude_suspect") is True for study in studies.values()):
+        return completed
+    kept = [row for row in completed if (row.quality_override or row.quality) != "suspect"]
+    left_out = len(completed) - len(kept)
+    notes.append(f"Suspect trials left out, as the study file says (exclude_suspect): {left_out} of {len(completed)}.")
+    if completed and not kept:
+        raise AnalysisError(
+            f"{folder}: all {left_out} completed trials are suspect and the study file leaves such trials out; "
+            "override the verdicts that are wrong, or set exclude_suspect = false in the study file of the export"
+        )
+    return kept
 
 
 def _parameters(trials: list[TrialRow]) -> tuple[dict[str, tuple[dict[str, Any], ...]], list[str]]:

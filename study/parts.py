@@ -149,6 +149,8 @@ class QualityRules(Part):
     max_focus_losses: int = number(default=3, ge=0, le=1_000_000)
     max_pad_losses: int = number(default=1, ge=0, le=1_000_000)
     max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)
+    exclude_suspect: Flag = False
+    """Whether the analysis leaves suspect trials out; an experimenter's verdict overrides the automatic one."""
 
 
 Browser = Literal["chrome", "edge", "firefox", "opera", "safari"]

@@ -120,6 +120,26 @@ def test_demo_participants_and_unfinished_trials_stay_out_and_are_told(tmp_path:
     assert usability is not None and usability.left_out is not None and usability.left_out.startswith("1 of 3")
 
 
+def test_suspect_trials_stay_out_where_the_study_file_says_so(tmp_path: Path) -> None:
+    data = data_set(3)
+    trials = data.tables["trials"]
+    trials[0] = replace(trials[0], quality="suspect")
+    trials[4] = replace(trials[4], quality="suspect", quality_override="good", quality_reason="the page was in view")
+    trials[5] = replace(trials[5], quality="good", quality_override="suspect", quality_reason="the phone rang")
+    folder = data.write(tmp_path / "export")
+    assert load(folder).quality.trials == 9, "they stay in unless the study file says otherwise"
+    (folder / "study.toml").write_text("[quality]\nexclude_suspect = true\n", encoding="utf-8")
+    found = load(folder)
+    assert {(row.participant, row.trial) for row in trials} - {
+        (row.participant, row.trial) for row in found.trials
+    } == {
+        (trials[0].participant, trials[0].trial),
+        (trials[5].participant, trials[5].trial),
+    }
+    assert len(found.measures.tasks) == 7 * 6
+    assert any("Suspect trials left out" in note and "2 of 9" in note for note in found.quality.notes)
+
+
 def test_changed_parameters_are_told(tmp_path: Path) -> None:
     data = data_set(2)
     data.tables["trials"][0] = replace(data.tables["trials"][0], parameters='{"alpha": 1}')
