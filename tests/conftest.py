@@ -121,6 +121,15 @@ def page(context: BrowserContext) -> Page:
     return context.new_page()
 
 
+@pytest.fixture
+def no_script_errors(page: Page) -> Iterator[None]:
+    """A page that throws is broken, whatever else the test finds."""
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    yield
+    assert errors == []
+
+
 @pytest.fixture(scope="session")
 def screenshot_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where pictures for people go: $SALAB_SCREENSHOTS, else a temporary folder."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from study.design import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
+from study.store import Store
 
 LAYOUTS = {"arc": 6, "rows": 6}
 OBJECTS = ("spray_bottle", "bleach_bottle", "paper_towels", "wipes_tub", "absorbent_can", "sponge_pack")
@@ -20,6 +21,11 @@ UTC = "2026-01-01T00:00:00.000+00:00"
 def shipped_study() -> Study:
     """The study that ships, checked against the names above."""
     return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+
+
+def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:
+    """One tick and everything that happened in it, as one commit."""
+    store.commit(**{"practice_ticks" if practice else "ticks": (row,)}, **rows)
 
 
 def tick_row(participant: str, tick: int = 0, **changes: Any) -> TickRow:

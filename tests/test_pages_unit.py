@@ -15,6 +15,8 @@ from tests.fake_pages import CONTENT, alert, session_row, tick
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.usefixtures("no_script_errors")
+
 
 @pytest.fixture
 def lab() -> Iterator[FakeLab]:
@@ -26,15 +28,6 @@ def lab() -> Iterator[FakeLab]:
 def panel_lab() -> Iterator[FakeLab]:
     with FakeLab(placement="second_device", state="trial") as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def no_script_errors(page: Page) -> Iterator[None]:
-    """A page that throws is broken, whatever else the test finds."""
-    errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    yield
-    assert errors == []
 
 
 LOUDEST = """() => {

@@ -20,7 +20,7 @@ from tests.wire_client import Player, invite
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.usefixtures("no_script_errors")
 
 numbers = itertools.count(1)
 
@@ -29,14 +29,6 @@ numbers = itertools.count(1)
 def fake() -> Iterator[FakeLab]:
     with FakeLab() as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def no_script_errors(page: Page) -> Iterator[None]:
-    errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    yield
-    assert errors == []
 
 
 def visible(page: Page, testid: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,20 +21,14 @@ from tests.wire_client import invite, write_study
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
 
+pytestmark = pytest.mark.usefixtures("no_script_errors")
+
 SCRIPT = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
 
 
 @pytest.fixture
 def lab(tmp_path: Path, start_lab: Callable[..., LabServer]) -> LabServer:
     return start_lab("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", str(write_study(tmp_path)))
-
-
-@pytest.fixture(autouse=True)
-def no_script_errors(page: Page) -> Iterator[None]:
-    errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    yield
-    assert errors == []
 
 
 def opened(page: Page, lab: LabServer) -> Locator:

@@ -28,6 +28,7 @@ from tests.study_samples import (
     UTC,
     alert_row,
     answer_row,
+    append_tick,
     event_row,
     shipped_study,
     task_row,
@@ -144,7 +145,7 @@ def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
 
 def test_numbers_of_numpy_are_stored_as_numbers(store: Store) -> None:
     who = enrol(store).participant
-    store.append_tick(tick_row(who, tick=np.int64(4), p_x=np.float64(0.1), blocked=np.bool_(True)))
+    append_tick(store, tick_row(who, tick=np.int64(4), p_x=np.float64(0.1), blocked=np.bool_(True)))
     row = next(store.rows("ticks"))
     assert (row.tick, row.p_x, row.blocked) == (4, 0.1, 1)
     assert [type(value) for value in (row.tick, row.p_x, row.blocked)] == [int, float, int]
@@ -159,21 +160,21 @@ def test_text_that_no_file_can_hold_is_made_harmless(store: Store) -> None:
 
 def test_a_tick_and_what_happened_in_it_are_written_together_or_not_at_all(store: Store) -> None:
     who = enrol(store).participant
-    store.append_tick(tick_row(who, 0), tasks=[task_row(who)], events=[event_row(who)], alerts=[alert_row(who)])
+    append_tick(store, tick_row(who, 0), tasks=[task_row(who)], events=[event_row(who)], alerts=[alert_row(who)])
     with pytest.raises(StoreError):
-        store.append_tick(tick_row(who, 0), tasks=[task_row(who, 2)], events=[event_row(who)])
+        append_tick(store, tick_row(who, 0), tasks=[task_row(who, 2)], events=[event_row(who)])
     assert [len(list(store.rows(table))) for table in ("ticks", "tasks", "events", "alerts")] == [1, 1, 1, 1]
     with pytest.raises(StoreError):
-        store.append_tick(tick_row(who, 1, entropy=float("nan")), events=[event_row(who)])
+        append_tick(store, tick_row(who, 1, entropy=float("nan")), events=[event_row(who)])
     with pytest.raises(StoreError):
-        store.append_tick(tick_row("P404", 1))
+        append_tick(store, tick_row("P404", 1))
     assert [len(list(store.rows(table))) for table in ("ticks", "events")] == [1, 1]
 
 
 def test_practice_and_trial_ticks_are_apart(store: Store) -> None:
     who = enrol(store).participant
-    store.append_tick(tick_row(who, 0), practice=True)
-    store.append_tick(tick_row(who, 0, cycle=2))
+    append_tick(store, tick_row(who, 0), practice=True)
+    append_tick(store, tick_row(who, 0, cycle=2))
     assert len(list(store.rows("ticks"))) == len(list(store.rows("practice_ticks"))) == 1
 
 
@@ -200,7 +201,7 @@ def test_a_cycle_can_be_run_again(store: Store) -> None:
     who = enrol(store).participant
     for number, cycle in enumerate((1, 1, 2, 2, 2)):
         start = [Cycle(who, 1, False, cycle, f'{{"cycle": {cycle}}}')] if number in (0, 2) else []
-        store.append_tick(tick_row(who, number, cycle=cycle), cycles=start)
+        append_tick(store, tick_row(who, number, cycle=cycle), cycles=start)
     assert store.last_cycle(who, 1) == Cycle(who, 1, False, 2, '{"cycle": 2}')
     assert [row.tick for row in store.ticks_of_cycle(who, 1, 2)] == [2, 3, 4]
     assert store.last_cycle(who, 1, practice=True) is None
@@ -210,16 +211,16 @@ def test_a_cycle_can_be_run_again(store: Store) -> None:
 def test_the_last_input_taken_into_account_is_known(store: Store) -> None:
     who = enrol(store).participant
     assert store.last_input_seq(who) == 0
-    store.append_tick(tick_row(who, 0, input_seq=41), practice=True)
-    store.append_tick(tick_row(who, 0, input_seq=None))
+    append_tick(store, tick_row(who, 0, input_seq=41), practice=True)
+    append_tick(store, tick_row(who, 0, input_seq=None))
     assert store.last_input_seq(who) == 41
-    store.append_tick(tick_row(who, 1, input_seq=57))
+    append_tick(store, tick_row(who, 1, input_seq=57))
     assert store.last_input_seq(who) == 57
 
 
 def test_demo_and_pilot_rows_are_read_only_when_asked_for(store: Store) -> None:
     for kind in ("demo", "study", "pilot"):
-        store.append_tick(tick_row(enrol(store, kind=kind).participant))
+        append_tick(store, tick_row(enrol(store, kind=kind).participant))
     assert [row.participant[0] for row in store.rows("ticks")] == ["P"]
     assert [row.participant[0] for row in store.rows("ticks", include_demo=True)] == ["D", "P"]
     assert [row.participant[0] for row in store.rows("ticks", include_pilot=True)] == ["P", "T"]
@@ -249,10 +250,10 @@ def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
 
 def test_a_snapshot_does_not_see_what_comes_later(store: Store) -> None:
     who = enrol(store).participant
-    store.append_tick(tick_row(who, 0))
+    append_tick(store, tick_row(who, 0))
     with store.snapshot() as recorded:
         assert len(list(recorded.rows("ticks"))) == 1
-        store.append_tick(tick_row(who, 1), events=[event_row(who)])
+        append_tick(store, tick_row(who, 1), events=[event_row(who)])
         assert len(list(recorded.rows("ticks"))) == 1
         assert list(recorded.rows("events")) == []
 
@@ -340,7 +341,7 @@ def test_an_export_waits_for_no_writer_and_holds_none_up(tmp_path: Path) -> None
         with serving._database.write(), open_store(tmp_path, must_exist=True) as reader:  # a write is under way
             assert len(reader.sessions()) == 1
         with open_store(tmp_path, must_exist=True) as reader, reader.snapshot():
-            serving.append_tick(tick_row(who))
+            append_tick(serving, tick_row(who))
 
 
 def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
@@ -371,7 +372,7 @@ async def test_writes_happen_in_the_order_asked_even_for_one_who_left(tmp_path: 
     store = AsyncStore(open_store(tmp_path))
     who = (await store.run(lambda opened: enrol(opened))).participant
     waiting = [
-        asyncio.ensure_future(store.run(lambda opened, n=n: opened.append_tick(tick_row(who, n)))) for n in range(20)
+        asyncio.ensure_future(store.run(lambda opened, n=n: append_tick(opened, tick_row(who, n)))) for n in range(20)
     ]
     await asyncio.sleep(0)  # let every task hand its write over
     waiting[19].cancel()
@@ -379,5 +380,5 @@ async def test_writes_happen_in_the_order_asked_even_for_one_who_left(tmp_path: 
     ticks = await store.run(lambda opened: [row.tick for row in opened.rows("ticks")])
     assert ticks == list(range(20))
     with pytest.raises(StoreError):
-        await store.run(lambda opened: opened.append_tick(tick_row(who, 3)))
+        await store.run(lambda opened: append_tick(opened, tick_row(who, 3)))
     await store.close()

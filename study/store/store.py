@@ -217,29 +217,6 @@ class Store:
                 progress.save_cycle(connection, cycle)
         return True
 
-    def append_tick(
-        self,
-        row: TickRow,
-        *,
-        practice: bool = False,
-        trials: Iterable[TrialRow] = (),
-        tasks: Iterable[TaskRow] = (),
-        alerts: Iterable[AlertRow] = (),
-        events: Iterable[EventRow] = (),
-        cycles: Iterable[Cycle] = (),
-    ) -> None:
-        """One tick and everything that happened in it."""
-        ticks, practised = ((), (row,)) if practice else ((row,), ())
-        self.commit(
-            ticks=ticks,
-            practice_ticks=practised,
-            trials=trials,
-            tasks=tasks,
-            alerts=alerts,
-            events=events,
-            cycles=cycles,
-        )
-
     def response(self, participant: str, message_id: str) -> dict[str, Any] | None:
         """What a message was answered with, or None when it is new."""
         with self._database.read() as connection:
