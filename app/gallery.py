@@ -1,7 +1,7 @@
 """A worker's gallery: the experimenters' 3-D view of its world, there only while somebody looks on.
 
 It lives in the worker's loop thread, which alone writes its server. It is opened and drawn after a slice has been drawn
-for the participant, when there is time until the next one, and only after every third slice.
+for the participant, in the time that is left until the next one, and only after every third slice.
 """
 
 from __future__ import annotations
