@@ -21,12 +21,11 @@ from app.reporter import Reporter
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings
 from app.trial import CycleStart, inputs_of
+from app.variants import open_study, parse_text
 from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
-from study.design import Study, load_study, parse_study, plan_session
+from study.design import Study, plan_session
 from study.distractor import from_rows
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
 from study.recruiting import ids_among
@@ -90,12 +89,7 @@ class Lab:
 
         Raises `StudyError` (of which the study file's and the store's errors are kinds).
         """
-        study = load_study(
-            self.config.study_file,
-            layouts={name: len(layout.slots) for name, layout in LAYOUTS.items()},
-            objects=tuple(STUDY_OBJECTS),
-            bins=tuple(item.id for item in next(iter(LAYOUTS.values())).bins),
-        )
+        study = open_study(self.config.study_file)
         self._setup = self._setups[study.hash] = study_setup(study)
         self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
 
@@ -349,16 +343,14 @@ class Lab:
         )
         return LiveSession(enrolment, stored.session, resumed, around)
 
-    async def _setup_of(self, study_hash: str) -> StudySetup:
+    async def study_of(self, stored: StoredSession) -> Study:
         """The study a participant was enrolled in, even when the lab now runs another."""
+        return (await self._setup_of(stored.study_hash)).study
+
+    async def _setup_of(self, study_hash: str) -> StudySetup:
         if study_hash not in self._setups:
-            texts = await self.store.run(lambda store: store.study_texts(include_demo=True))
-            study = parse_study(
-                texts[study_hash],
-                name=f"stored study {study_hash[:12]}",
-                layouts={name: len(layout.slots) for name, layout in LAYOUTS.items()},
-                objects=tuple(STUDY_OBJECTS),
-            )
+            text = await self.store.run(lambda store: store.study_text(study_hash))
+            study = parse_text(text, f"stored study {study_hash[:12]}")
             self._setups[study_hash] = await asyncio.to_thread(study_setup, study)
         return self._setups[study_hash]
 

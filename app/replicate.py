@@ -87,7 +87,7 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
 
 def varied(plan: Plan, variation: Variation) -> Plan:
     """The plan with that one thing changed."""
-    study = changed_study(parse_text(plan.study_text), variation.study)
+    study = changed_study(parse_text(plan.study_text, "the study simulated"), variation.study)
     text = study.source_text
     if variation.alpha_factor is not None:
         alpha = calibrated_alpha(setup_of(text))

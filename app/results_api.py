@@ -6,6 +6,7 @@ import asyncio
 import json
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -143,12 +144,16 @@ async def override(participant: str, trial: int, body: OverrideRequest, lab: The
 @router.get("/summary")
 async def summary(lab: TheLab, who: Experimenter) -> SummaryReply:
     """Trials by outcome, readings by what became of them, and mean questionnaire scores by condition."""
-    return await asyncio.to_thread(summarise, lab.store.store, lab.setup.study)
+    studies = {stored.participant: await lab.study_of(stored) for stored in await lab.stored_sessions()}
+    return await asyncio.to_thread(summarise, lab.store.store, studies)
 
 
-def summarise(store: Store, study: Study) -> SummaryReply:
+def summarise(store: Store, studies: Mapping[str, Study]) -> SummaryReply:
     """What `GET /api/summary` answers; three passes over the record, however many participants. As in the report,
-    questionnaires about a trial that was not completed do not count."""
+    questionnaires about a trial that was not completed do not count.
+
+    `studies` are those that the participants were enrolled in: each is scored by the forms they filled in.
+    """
     trials: dict[str, int] = {"completed": 0, "aborted": 0, "running": 0}
     alerts: dict[str, int] = {"answered": 0, "expired": 0, "trial_ended": 0, "open": 0}
     answers: dict[tuple[str, str, int, str], dict[str, int]] = defaultdict(dict)
@@ -163,11 +168,14 @@ def summarise(store: Store, study: Study) -> SummaryReply:
         for row in recorded.rows("survey_answers"):
             if (row.participant, row.trial) in completed and row.value.isdecimal():
                 answers[row.participant, row.condition, row.trial, row.instrument][row.item] = int(row.value)
-    forms = {form.id: form for form in study.instruments}
+    forms = {study.hash: {form.id: form for form in study.instruments} for study in studies.values()}
     scores: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for (_, condition, _, instrument), given in answers.items():
+    for (participant, condition, _, instrument), given in answers.items():
+        if participant not in studies:
+            continue  # enrolled while the studies were read
+        form = forms[studies[participant].hash].get(instrument, instrument)
         try:
-            scores[instrument, condition].append(score(forms.get(instrument, instrument), given))
+            scores[instrument, condition].append(score(form, given))
         except StudyError:
             continue  # half a questionnaire, or one this study does not know, has no score
     lines = [

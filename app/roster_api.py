@@ -256,7 +256,10 @@ async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experi
 async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """End the session at the participant's wish; their data stay or are erased, as asked or as the consent says."""
     await _may(lab, "withdraw", participant)
-    keep = body.keep if body.keep is not None else lab.setup.study.consent.on_withdrawal == "keep"
+    keep = body.keep
+    if keep is None:
+        agreed = await lab.study_of(await lab.stored_session(participant))
+        keep = agreed.consent.on_withdrawal == "keep"
     reason = (body.reason or "").strip() or None
     try:
         await lab.command(participant, Command("withdraw", reason), who)

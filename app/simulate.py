@@ -77,7 +77,7 @@ class Plan:
 @lru_cache(maxsize=64)
 def setup_of(study_text: str) -> StudySetup:
     """The study of that text, calibrated; once a process."""
-    return study_setup(parse_text(study_text))
+    return study_setup(parse_text(study_text, "the study simulated"))
 
 
 def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None) -> Plan:

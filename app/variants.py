@@ -46,12 +46,12 @@ def changed_study(study: Study, changes: Changes) -> Study:
             text = _replaced(text, section, key, value)
     if text == study.source_text:
         return study
-    return parse_text(text)
+    return parse_text(text, "changed study")
 
 
-def parse_text(text: str) -> Study:
-    """The study of a file's text. Raises `StudyFileError`."""
-    return parse_study(text, name="changed study", layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
+def parse_text(text: str, name: str) -> Study:
+    """The study of a file's text; `name` is what errors call it. Raises `StudyFileError`."""
+    return parse_study(text, name=name, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 
 def preset_changes(name: str | None) -> Changes:

@@ -46,7 +46,8 @@ MODULES = {
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props
-        study.store study.store.store study.store.database study.store.tables study.store.rows
+        study.store study.store.store study.store.database study.store.migration study.store.tables study.store.rows
+        study.store.revisions.env study.store.revisions.versions.r0001_where_migrations_began
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
         study.writer study.fingerprint study.export study.package
         study.effects study.factors study.statistics study.mixed study.dataset study.analysis study.figures
@@ -84,6 +85,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "viser": frozenset({"sim.nodes"}),
     "sqlalchemy": STORE,
     "sqlite3": STORE,
+    "alembic": STORE,
     "pyarrow": frozenset({"study.package"}),
     "matplotlib": frozenset({"study.figures"}),
     "statsmodels": frozenset({"study.statistics", "study.mixed"}),

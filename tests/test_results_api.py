@@ -73,7 +73,7 @@ def test_the_summary_counts_and_scores_complete_questionnaires_of_completed_tria
                 alerts=[alert_row(who, 1, status="answered"), alert_row(who, 2, status="expired")],
                 answers=[answer_row(who, item, str(number + 2)) for item in given],
             )
-        found = summarise(store, shipped_study())
+        found = summarise(store, {stored.participant: shipped_study() for stored in store.sessions()})
     assert found.trials == {"completed": 3, "aborted": 1, "running": 0}
     assert found.alerts == {"answered": 4, "expired": 4, "trial_ended": 0, "open": 0}
     assert [line.model_dump() for line in found.scores] == [

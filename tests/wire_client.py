@@ -81,6 +81,12 @@ def invite(lab: LabServer, **body: Any) -> dict[str, Any]:
     return created
 
 
+def asked(lab: LabServer, method: str, route: str, body: Mapping[str, Any] | None = None) -> httpx.Response:
+    """The lab's answer to an experimenter's request of `/api/ROUTE`."""
+    address = f"{lab.base_url}/api/{route}"
+    return httpx.request(method, address, headers=lab.headers, json=body, trust_env=False)
+
+
 def seen_by_experimenter(lab: LabServer, participant: str) -> dict[str, Any]:
     """One participant's line of the session list."""
     response = httpx.get(f"{lab.base_url}/api/sessions", headers=lab.headers, trust_env=False)

@@ -4,6 +4,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
 
     store         `Store`: everything the lab asks of its data; each method that writes is one transaction
     database      the file: lock, versions, damage, transactions, durability
+    migration     versions of the file, and how an older one becomes this one
     tables        what stands in the file
     rows          a recorded row as SQLite takes it
     participants  who takes part: order, session, tokens, identities, the cell given out again

@@ -9,7 +9,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timezone
 from pathlib import Path
@@ -19,8 +19,8 @@ import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.fingerprint import machine_fingerprint
-from study.records import SCHEMA_VERSION
-from study.store.tables import MACHINES, META, METADATA, STORE_VERSION
+from study.store import migration
+from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
 FILE_NAME = "lab.sqlite"
@@ -32,16 +32,9 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
     path = folder / FILE_NAME
     if must_exist and not path.is_file():
         raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
-    lock: IO[str] | None = None
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if exclusive:
-            lock = (folder / LOCK_NAME).open("w")
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        if lock:
-            lock.close()
-        raise StoreError(f"{folder}: another lab is running on this data folder") from None
+        lock = _lock(folder) if exclusive else None
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     database = Database(path, lock)
@@ -51,6 +44,17 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
         database.close()
         raise
     return database
+
+
+def _lock(folder: Path) -> IO[str]:
+    """The folder's lock, held until it is closed. Raises `StoreError` when a lab holds it."""
+    lock = (folder / LOCK_NAME).open("w")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        raise StoreError(f"{folder}: another lab is running on this data folder") from None
+    return lock
 
 
 class Database:
@@ -92,41 +96,46 @@ class Database:
             return int(emptied.one()[0]) == 0
 
     def prepare(self, *, is_reader: bool) -> None:
-        """Make the tables of a new file, or check that the file is one of ours and whole.
+        """Make the tables of a new file, or check that the file is one of ours and whole, and bring an older one up.
 
-        A reader takes no write lock: the lab may be running.
+        A reader takes no write lock, unless the file is an older one: the lab may be running.
         """
-        versions = {"schema_version": str(SCHEMA_VERSION), "store_version": str(STORE_VERSION)}
+        revision: str | None = None
         with self.read() as connection:
             existing = set(sql.inspect(connection).get_table_names())
+            is_marked = VERSION.name in existing
             if existing:
-                self._check(connection, existing, versions)
+                revision = migration.revision_of(connection, existing, self.path)
+                verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+                if verdict != "ok":
+                    raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
             elif is_reader:
                 raise StoreError(f"{self.path}: no lab data here, the database is empty")
+        if revision is not None and revision != migration.HEAD:
+            self._bring_up(revision)
+            is_marked = True
         if is_reader:
             return
         text = json.dumps(machine_fingerprint(), sort_keys=True)
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
         with self.write() as connection:
-            if not existing:
-                METADATA.create_all(connection)
-                connection.execute(META.insert(), [{"name": n, "value": v} for n, v in versions.items()])
+            if not is_marked:
+                METADATA.create_all(connection, tables=[VERSION] if existing else None)
+                migration.mark(connection)
             connection.execute(insert_or_update(MACHINES).values(machine).on_conflict_do_nothing())
 
-    def _check(self, connection: sql.Connection, existing: set[str], versions: Mapping[str, str]) -> None:
-        if "meta" not in existing:
-            raise StoreError(f"{self.path}: a database, but not one of this lab")
-        found = {row.name: row.value for row in connection.execute(sql.select(META))}
-        for name, expected in versions.items():
-            if found.get(name) != expected:
-                raise StoreError(
-                    f"{self.path}: {name} is {found.get(name)}, this version of the lab needs {expected}; "
-                    "open it with the version that wrote it, or use another data folder"
-                )
-        verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
-        if verdict != "ok":
-            raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
+    def _bring_up(self, revision: str) -> None:
+        """Make an older file one of this version, after copying it aside; nobody else has it open meanwhile."""
+        lock = None if self._lock else _lock(self.path.parent)
+        try:
+            migration.copy_aside(self.path, revision)
+            with self.write() as connection:
+                METADATA.create_all(connection, tables=[VERSION])
+                migration.bring_up(connection, self.path, revision)
+        finally:
+            if lock:
+                lock.close()
 
     @contextmanager
     def _told(self) -> Iterator[None]:

@@ -77,6 +77,12 @@ def enrol(
     return participant
 
 
+def study_text(connection: sql.Connection, study_hash: str) -> str | None:
+    """The study file of this SHA-256, if anybody was enrolled with it."""
+    text: str | None = connection.execute(sql.select(STUDIES.c.text).where(STUDIES.c.hash == study_hash)).scalar()
+    return text
+
+
 def _taken(connection: sql.Connection) -> dict[tuple[str, ...], int]:
     """How many hold a cell of each order."""
     query = (

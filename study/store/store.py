@@ -13,7 +13,7 @@ from typing import Any, cast
 from study.design import Study, plan_session
 from study.protocol import Session
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
-from study.store import erasure, participants, progress, rows
+from study.store import erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database
 from study.store.snapshot import Snapshot
 from study.store.values import Cycle, Kind, StoredSession, StoreError
@@ -100,6 +100,14 @@ class Store:
         with self._database.read() as connection:
             return participants.stored_sessions(connection)
 
+    def study_text(self, study_hash: str) -> str:
+        """The study file that participants were enrolled with, by its SHA-256; `StoreError` when there is none."""
+        with self._database.read() as connection:
+            text = participants.study_text(connection, study_hash)
+        if text is None:
+            raise StoreError(f"no study {study_hash[:12]} is stored here")
+        return text
+
     def participant_for_token(self, sha256: str) -> tuple[str, str] | None:
         """(participant, role) of a token's SHA-256, or None."""
         with self._database.read() as connection:
@@ -168,6 +176,8 @@ class Store:
         self.session(participant)
         with self._database.write() as connection:
             erasure.erase(connection, participant, utc)
+        for copy in migration.copies_beside(self.path):  # they hold the one who is erased
+            copy.unlink(missing_ok=True)
         return self._database.empty_log()
 
     # ---- what happens in a session

@@ -13,9 +13,6 @@ import sqlalchemy as sql
 
 from study.records import KEYS, TABLES, columns
 
-STORE_VERSION = 3
-"""Version of the lab's own tables; the recorded ones follow `records.SCHEMA_VERSION`."""
-
 METADATA = sql.MetaData()
 _SQL_TYPES: Mapping[str, Any] = {"str": sql.Text, "int": sql.Integer, "float": sql.Float}
 
@@ -28,6 +25,8 @@ def _participant_column(**options: Any) -> sql.Column[str]:
 META = sql.Table(
     "meta", METADATA, sql.Column("name", sql.Text, primary_key=True), sql.Column("value", sql.Text, nullable=False)
 )
+VERSION = sql.Table("alembic_version", METADATA, sql.Column("version_num", sql.String(32), primary_key=True))
+"""Which revision the file has (see `study.store.migration`)."""
 MACHINES = sql.Table(
     "machines",
     METADATA,

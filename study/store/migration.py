@@ -1,0 +1,124 @@
+"""The version of the file, and how an older one becomes this one, with Alembic.
+
+A revision is one file in `revisions/versions`. A new file is made from `tables` and marked with `HEAD`; an older one is
+copied aside first, then brought up in one transaction, so that whoever is killed in between finds it as it was. There
+is no way back: a later version's file is refused, and the copy is what to go back to.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Collection
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import sqlalchemy as sql
+
+from study.records import SCHEMA_VERSION
+from study.store.tables import META, VERSION
+from study.store.values import StoreError
+
+if TYPE_CHECKING:
+    from alembic.config import Config
+
+FIRST = "0001"
+"""The schema as it was when migrations began."""
+HEAD = "0001"
+"""The schema of `tables`: the last revision there is."""
+REVISIONS = Path(__file__).with_name("revisions")
+_FIRST_META = {"schema_version": "1", "store_version": "3"}
+"""What files say that were written before there were migrations."""
+
+
+def mark(connection: sql.Connection) -> None:
+    """Write into a file that its schema is `HEAD`."""
+    connection.execute(VERSION.delete())
+    connection.execute(VERSION.insert().values(version_num=HEAD))
+    connection.execute(META.delete().where(META.c.name.in_(_FIRST_META)))
+    connection.execute(META.insert(), [{"name": name, "value": value} for name, value in _meta().items()])
+
+
+def revision_of(connection: sql.Connection, existing: Collection[str], path: Path) -> str:
+    """The revision of a file that has these tables. Raises `StoreError` for one that this version cannot bring up."""
+    if "meta" not in existing:
+        raise StoreError(f"{path}: a database, but not one of this lab")
+    found = {row.name: row.value for row in connection.execute(sql.select(META))}
+    revision = connection.execute(sql.select(VERSION.c.version_num)).scalar() if VERSION.name in existing else FIRST
+    expected = _meta() if revision == HEAD else _FIRST_META if revision == FIRST else {}
+    if revision != HEAD and revision not in _known():
+        copies = sorted(copy.name for copy in copies_beside(path))
+        back = f", or go back to the copy made before: {', '.join(copies)}" if copies else ""
+        raise StoreError(
+            f"{path}: written by a later version of the lab (schema {revision}, this version knows those up to "
+            f"{HEAD}); open it with that version{back}"
+        )
+    for name, value in expected.items():
+        if found.get(name) != value:
+            raise StoreError(
+                f"{path}: {name} is {found.get(name)}, this version of the lab needs {value}; "
+                "open it with the version that wrote it, or use another data folder"
+            )
+    return revision
+
+
+def copy_aside(path: Path, revision: str) -> Path:
+    """Copy the database, whole as of this moment, beside itself; the copy's name says which schema it has.
+
+    Raises `StoreError` when it cannot be written: nothing is changed without a copy.
+    """
+    copy = path.with_name(f"{path.stem}.schema-{revision}{path.suffix}")
+    unfinished = copy.with_name(f"{copy.name}.unfinished")
+    try:
+        unfinished.unlink(missing_ok=True)
+        with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(unfinished)) as target:
+            source.backup(target)
+        unfinished.chmod(0o600)
+        os.replace(unfinished, copy)
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(f"{path}: needs a copy of it first, and {copy.name} cannot be written: {error}") from None
+    return copy
+
+
+def copies_beside(path: Path) -> list[Path]:
+    """The copies that `copy_aside` made of a database, finished or not."""
+    return list(path.parent.glob(f"{path.stem}.schema-*{path.suffix}*"))
+
+
+def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
+    """Run every revision after `revision` in the connection's transaction. Raises `StoreError` when one fails."""
+    from alembic import command
+    from alembic.util import CommandError
+
+    connection.execute(VERSION.delete())
+    connection.execute(VERSION.insert().values(version_num=revision))
+    config = _config()
+    config.attributes["connection"] = connection
+    try:
+        command.upgrade(config, HEAD)
+    except (CommandError, sql.exc.SQLAlchemyError) as error:
+        line = str(getattr(error, "orig", None) or error).splitlines()[0]
+        raise StoreError(
+            f"{path}: cannot be brought from schema {revision} to {HEAD}: {line}; nothing was changed"
+        ) from error
+    mark(connection)
+
+
+def _meta() -> dict[str, str]:
+    """What a file says beside its revision: versions from before there were migrations read it, and refuse."""
+    return {"schema_version": str(SCHEMA_VERSION), "store_version": "3" if HEAD == FIRST else HEAD}
+
+
+def _known() -> frozenset[str]:
+    from alembic.script import ScriptDirectory
+
+    return frozenset(script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions())
+
+
+def _config() -> Config:
+    from alembic.config import Config  # takes a while, and most files are of this version
+
+    config = Config()
+    config.set_main_option("script_location", str(REVISIONS).replace("%", "%%"))
+    return config
