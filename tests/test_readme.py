@@ -16,7 +16,6 @@ from app.config import LabConfig
 from app.lab import Lab
 from app.server import create_app
 from study.records import TABLES
-from tests.test_architecture import LAYER_OF, project_sources
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -117,22 +116,6 @@ def test_every_file_named_exists() -> None:
     named = {name for name in files if name.split("/")[0] in folders}
     assert len(named) > 5
     assert not [name for name in named if not (ROOT / name).exists()]
-
-
-def test_every_module_in_the_tree_is_one_of_its_layer() -> None:
-    (tree,) = (text for _, text in BLOCKS if text.startswith("app/ "))
-    modules = set(project_sources())
-    package = layer = ""
-    for line in tree.splitlines():
-        match = re.match(r"(\S+/)?\s+(?:(edge|engine|adapters|pure) )?\s*(.*)", line)
-        assert match
-        package = (match.group(1) or package).rstrip("/").replace("/", ".")
-        layer = match.group(2) or layer
-        if package in ("static", "tests"):
-            continue
-        for name in re.findall(r"\w+", re.sub(r"\(.*?\)|:[^;]*", "", match.group(3))):
-            assert f"{package}.{name}" in modules, f"{package}.{name} does not exist"
-            assert LAYER_OF[f"{package}.{name}"] == layer, f"{package}.{name} is not {layer}"
 
 
 def test_the_example_runs_as_it_stands(tmp_path: Path) -> None:
