@@ -1,6 +1,6 @@
 """Every setting of the lab with its default, and the error all edges report.
 
-What a *study* is made of stands in the study file (`study.design`); this is how the lab itself runs.
+What a *study* is made of stands in the study file (`study.definition.study`); this is how the lab itself runs.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from app.stage import Stage
 from app.trial_values import CycleStart
 from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study import protocol
-from study.design import reading
+from study.definition.study import reading
 from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.quality import judged
 from study.records import OVERRUN_MS, EventRow, TrialRow, utc_text

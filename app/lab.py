@@ -25,7 +25,7 @@ from app.variants import open_study, parse_text
 from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
-from study.design import Study, plan_session
+from study.definition.study import Study, plan_session
 from study.distractor import from_rows
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
 from study.recruiting import ids_among

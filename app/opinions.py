@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from app.participants import Traits
-from study.design import Study
+from study.definition.study import Study
 
 USABILITY, WORKLOAD = 5.4, 3.1
 LENIENCY, STRAIN = 0.8, 1.1

@@ -13,7 +13,7 @@ from app.messages import Instruction, Page, Tick
 from app.outcomes import Verdict
 from app.trial_values import TickResult, TrialView
 from sim import views
-from study.design import Study
+from study.definition.study import Study
 from study.eligibility import checks_of, tones_of
 from study.protocol import Session
 from study.recruiting import filled

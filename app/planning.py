@@ -17,7 +17,7 @@ from app.trial_values import CycleSetup, RobotTiming, TrialSetup
 from sim.layouts import LAYOUTS, Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from sim.objects import OBJECTS, PRACTICE_OBJECT
-from study.design import SessionPlan, Study
+from study.definition.study import SessionPlan, Study
 from study.records import TrialRow
 
 CALIBRATION_SEED = 2020

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.acts import NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
-from study.design import Study
+from study.definition.study import Study
 from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Store
 from study.surveys import score

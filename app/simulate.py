@@ -31,7 +31,7 @@ from app.parts import ROBOTS, make_robot
 from app.planning import StudySetup, study_setup
 from app.simulation import Case, Record, simulate_participant
 from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
-from study.design import Study, orders
+from study.definition.study import Study, orders
 from study.export import write_tables
 from study.fingerprint import machine_fingerprint
 from study.records import SCHEMA_VERSION, TABLES

@@ -22,7 +22,7 @@ from app.trial import TrialEngine
 from app.trial_values import OperatorInput, TickResult, TrialView
 from sim.interface import TICK_S, Robot, Vector3
 from study import protocol
-from study.design import SessionPlan, TrialPlan, plan_session, reading
+from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
 from study.distractor import DistractorState
 from study.protocol import Event, Session
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from study.design import Study
+from study.definition.study import Study
 from study.eligibility import Check, Device, browser_of, checks_of, shortcomings, tones_of
 from study.protocol import Event, Session
 from study.records import SurveyAnswerRow

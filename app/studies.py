@@ -22,7 +22,7 @@ from app.paper import REPORTED
 from app.parts import make_robot
 from app.simulate import Plan, check_count, participant_seed, run_jobs
 from app.simulation import simulate_trials
-from study.design import orders
+from study.definition.study import orders
 from study.measures import measure
 from study.observations import Observation, observations, survey_observations
 from study.surveys import survey_scores

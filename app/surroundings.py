@@ -10,7 +10,7 @@ from app.config import LabConfig
 from app.messages import Message
 from app.pages import Labels
 from app.worker_messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
-from study.design import SessionPlan, Study
+from study.definition.study import SessionPlan, Study
 from study.distractor import DistractorState
 from study.protocol import WorkerKind
 from study.records import EventRow, TrialRow, utc_text

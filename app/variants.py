@@ -16,7 +16,7 @@ from app.config import LabError
 from app.participants import Population
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
-from study.design import Study, load_study, parse_study
+from study.definition.study import Study, load_study, parse_study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
 PRESET_NAMES = ("paper", "lab", "fitted")

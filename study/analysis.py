@@ -16,12 +16,12 @@ from typing import Literal
 
 from study import effects, statistics
 from study.dataset import DataSet
+from study.definition.builtin_questionnaires import Instrument
+from study.definition.questionnaires import own_instruments
 from study.effects import NotFitted
-from study.instruments import Instrument
 from study.measures import Kind, Measures
 from study.mixed import MixedModel, mixed_model
 from study.observations import Observation, observations, survey_observations
-from study.questionnaires import own_instruments
 from study.statistics import Anova, Pair, RepeatedMeasures, Slope
 from study.summaries import Summary, summary
 

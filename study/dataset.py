@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from study.definition.builtin_questionnaires import Instrument
+from study.definition.questionnaires import own_instruments
+from study.definition.toml_reader import parse_toml
 from study.export import read_meta, read_table
-from study.instruments import Instrument
 from study.measures import Measures, measure
-from study.questionnaires import own_instruments
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
-from study.study_file import parse_toml
 from study.summaries import conditions_of
 from study.surveys import SurveyScore, survey_scores
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, cast
 
-from study.parts import DistractorSettings
+from study.definition.sections import DistractorSettings
 from study.records import AlertRow, StudyError
 
 AlertStatus = Literal["open", "answered", "expired", "trial_ended"]

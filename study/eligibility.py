@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from study.parts import Browser, Eligibility
+from study.definition.sections import Browser, Eligibility
 
 Check = Literal["browser", "touch", "window", "webgl", "round_trip", "gamepad", "sound"]
 CHECKS: tuple[Check, ...] = get_args(Check)

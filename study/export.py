@@ -25,10 +25,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from study.definition.questionnaires import asked
+from study.definition.toml_reader import parse_toml
 from study.package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
-from study.questionnaires import asked
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
-from study.study_file import parse_toml
 
 if TYPE_CHECKING:  # simulated studies are exported too, and need no database
     from study.store import Snapshot, Store

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study.design import Study, orders
+from study.definition.study import Study, orders
 from study.eligibility import checks_of
 from study.recruiting import open_link
 

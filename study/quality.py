@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
 
-from study.parts import QualityRules
+from study.definition.sections import QualityRules
 from study.records import EventRow, TrialRow
 
 Verdict = Literal["good", "suspect"]

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
-from study.parts import Recruitment
+from study.definition.sections import Recruitment
 from study.protocol import State
 
 MAX_ID_CHARACTERS = 100

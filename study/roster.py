@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from study.design import Study, next_order, orders
+from study.definition.study import Study, next_order, orders
 from study.protocol import FREES_CELL, TERMINAL
 from study.recruiting import BEFORE_CONSENT
 

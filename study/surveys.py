@@ -11,10 +11,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from study.design import Study
-from study.instruments import INSTRUMENTS, Instrument, Item
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, Item
+from study.definition.study import Study
+from study.definition.toml_reader import closest
 from study.records import StudyError, SurveyAnswerRow
-from study.study_file import closest
 
 MAX_TEXT_CHARACTERS = 4000
 

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.analysis import Analysis
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
+from study.definition.questionnaires import own_instruments
 from study.effects import Interval
-from study.instruments import INSTRUMENTS, Instrument
 from study.measures import GAIN_ENTROPY, WINDOW_TICKS
-from study.questionnaires import own_instruments
 from study.summaries import Summary
 
 MINUS = "−"

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.export import write_tables
-from study.instruments import INSTRUMENTS
 from study.records import CONDITIONS, ParticipantRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Kind, Store
 from tests.study_samples import BINS, OBJECTS, UTC, shipped_study, task_row, tick_row

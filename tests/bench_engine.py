@@ -24,7 +24,7 @@ from app.trial import TrialEngine
 from app.trial_values import OperatorInput, TrialSetup
 from app.variants import open_study
 from sim.interface import TICK_S
-from study.design import orders, plan_session
+from study.definition.study import orders, plan_session
 from tests.bench import Figure
 from tests.literal_reference import evaluate_literal
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from app.acts import ACTS
 from sim.views import VIEWS
-from study.instruments import INSTRUMENTS
+from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.protocol import TERMINAL
 
 Message = dict[str, Any]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from study.design import Study, load_study
+from study.definition.study import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Store
 

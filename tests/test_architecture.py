@@ -35,13 +35,12 @@ MODULES = {
         app.sockets app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
-        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop
-        app.trial app.trial_values app.progress app.goals app.motion app.outcomes app.hands app.parts app.heatmap
-        app.cycles app.planning app.participants app.driver app.opinions app.simulation app.simulate app.variants
-        app.console app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
-        app.session app.stage app.course app.submissions app.phase app.worker_link
-        app.audience app.surroundings app.steps app.pages app.pilot app.bots
-        app.recent app.acts app.words app.insight app.gallery app.onlookers app.round_trips app.recruiter
+        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial app.trial_values
+        app.progress app.goals app.motion app.outcomes app.hands app.parts app.heatmap app.cycles app.planning
+        app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console app.paper
+        app.fit app.studies app.shares app.replicate app.replication_text app.power app.session app.stage app.course
+        app.submissions app.phase app.worker_link app.audience app.surroundings app.steps app.pages app.pilot
+        app.bots app.recent app.acts app.words app.insight app.gallery app.onlookers app.round_trips app.recruiter
         app.reporter app.report_job
     """,
     "adapters": """
@@ -49,19 +48,17 @@ MODULES = {
         study.store study.store.store study.store.database study.store.migration study.store.tables study.store.rows
         study.store.revisions.env study.store.revisions.versions.r0001_where_migrations_began
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
-        study.writer study.fingerprint study.export study.package
-        study.effects study.factors study.statistics study.mixed study.dataset study.analysis study.figures
-        study.tables study.wording study.report
+        study.writer study.fingerprint study.export study.package study.effects study.factors study.statistics
+        study.mixed study.dataset study.analysis study.figures study.tables study.wording study.report
     """,
     "pure": """
-        app.messages
-        app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief app.autonomy.calibration
-        app.autonomy.errors app.autonomy.hindsight app.autonomy.information app.autonomy.transition
-        sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
-        study.design study.design_checks study.study_file study.protocol study.distractor study.surveys
-        study.overview study.instruments study.fields study.parts study.questionnaires study.records study.roster
-        study.measures study.summaries
-        study.observations study.quality study.eligibility study.recruiting
+        app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
+        app.autonomy.calibration app.autonomy.errors app.autonomy.hindsight app.autonomy.information
+        app.autonomy.transition sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
+        study.definition.study study.definition.checks study.definition.toml_reader study.protocol study.distractor
+        study.surveys study.overview study.definition.builtin_questionnaires study.definition.field_types
+        study.definition.sections study.definition.questionnaires study.records study.roster study.measures
+        study.summaries study.observations study.quality study.eligibility study.recruiting
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}

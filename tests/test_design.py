@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.design import (
+from study.definition.study import (
     DEFAULT_STUDY,
     Study,
     StudyFileError,

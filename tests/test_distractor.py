@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from study.definition.sections import DistractorSettings
 from study.distractor import DistractorState, from_rows
-from study.parts import DistractorSettings
 from study.records import StudyError
 
 UTC = "2026-01-01T00:00:00+00:00"

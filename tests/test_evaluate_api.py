@@ -17,7 +17,7 @@ from app.autonomy.transition import TransitionModel
 from app.planning import study_setup
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
-from study.design import DEFAULT_STUDY, parse_study
+from study.definition.study import DEFAULT_STUDY, parse_study
 from tests.lab_server import LabServer
 from tests.literal_reference import evaluate_literal
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from study.design import parse_study
+from study.definition.study import parse_study
 from study.export import ExportError, export, export_zip, read_meta, read_table, write_tables
 from study.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns

@@ -12,8 +12,8 @@ import pyarrow.parquet as parquet
 import pytest
 from frictionless import Package, Report, validate
 
+from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.export import export, write_tables
-from study.instruments import INSTRUMENTS
 from study.records import KEYS, TABLES, columns
 from study.store import open_store
 from tests.study_samples import answer_row, shipped_study, task_row, tick_row, trial_row

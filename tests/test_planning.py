@@ -11,7 +11,7 @@ from app.autonomy.transition import TransitionModel
 from app.planning import study_setup
 from app.trial_values import RobotTiming
 from sim.objects import PRACTICE_OBJECT
-from study.design import Study, parse_study, plan_session
+from study.definition.study import Study, parse_study, plan_session
 from tests.engine_cases import CONDITIONS, paper_study
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
 

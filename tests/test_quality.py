@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from study.parts import QualityRules
+from study.definition.sections import QualityRules
 from study.quality import Measured, broken_rules, judged, measure
 from tests.study_samples import event_row, trial_row
 

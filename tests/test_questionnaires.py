@@ -14,11 +14,11 @@ from app.pages import PageContext, page
 from app.participants import Population, draw_traits
 from study.analysis import analyse
 from study.dataset import load as load_data
-from study.design import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
+from study.definition.questionnaires import own_instruments
+from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
+from study.definition.toml_reader import parse_toml
 from study.export import write_tables
 from study.protocol import Session
-from study.questionnaires import own_instruments
-from study.study_file import parse_toml
 from study.surveys import answer_rows, score, survey_scores, validate_surveys
 from study.wording import methods
 from tests.analysis_samples import data_set

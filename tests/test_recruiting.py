@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from study.parts import Recruitment
+from study.definition.sections import Recruitment
 from study.recruiting import answer, filled, ids_among, open_link, read_ids
 
 RULES = Recruitment(open=True, quota=2)

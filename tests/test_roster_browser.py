@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
-from study.design import load_study
+from study.definition.study import load_study
 from study.store import open_store
 from tests.lab_server import LabServer
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC, answer_row, trial_row

@@ -17,7 +17,7 @@ from app.__main__ import main
 from app.config import LabError
 from app.simulate import Plan, make_plan, run_jobs, simulate
 from app.variants import changed_study, fitted_population, open_study, preset_changes
-from study.design import orders
+from study.definition.study import orders
 from study.export import read_meta, read_table
 from study.records import TABLES
 

@@ -16,7 +16,7 @@ from app.trial_values import inputs_of
 from app.variants import Changes, changed_study, open_study
 from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
-from study.design import plan_session
+from study.definition.study import plan_session
 from study.distractor import from_rows
 from study.records import TABLES
 from study.surveys import validate_surveys

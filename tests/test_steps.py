@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from app.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
-from study.instruments import INSTRUMENTS
+from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.protocol import Event, new_session
 from tests.study_samples import shipped_study
 

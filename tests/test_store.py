@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from study.design import orders
+from study.definition.study import orders
 from study.fingerprint import machine_fingerprint
 from study.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError

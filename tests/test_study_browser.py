@@ -18,7 +18,7 @@ from playwright.sync_api import Error as PlaywrightError
 from app.pilot import Pilot
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
-from study.design import DEFAULT_STUDY, load_study
+from study.definition.study import DEFAULT_STUDY, load_study
 from study.export import export, read_table
 from study.store import open_store
 from tests.browser_person import BrowserPerson

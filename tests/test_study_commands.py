@@ -12,7 +12,7 @@ from frictionless import validate
 from app.__main__ import main
 from app.planning import study_setup
 from app.variants import fitted, open_study
-from study.design import DEFAULT_STUDY
+from study.definition.study import DEFAULT_STUDY
 from study.export import read_meta, read_table
 from study.overview import expected_minutes, overview
 from study.store import open_store

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.design import Study
-from study.instruments import INSTRUMENTS
+from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.study import Study
 from study.records import StudyError
 from study.surveys import (
     AnswerError,

@@ -64,7 +64,7 @@ OPEN = {
 
 def write_study(folder: Path, changes: Mapping[str, str] | None = None) -> Path:
     """The shipped study with parts of its text replaced; each must be there exactly once."""
-    text = (ROOT / "study" / "default.toml").read_text(encoding="utf-8")
+    text = (ROOT / "study" / "definition" / "default.toml").read_text(encoding="utf-8")
     for old, new in (SHORT if changes is None else changes).items():
         assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the study file"
         text = text.replace(old, new)

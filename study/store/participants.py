@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
-from study.design import Study, next_order
+from study.definition.study import Study, next_order
 from study.protocol import FREES_CELL, from_json, new_session, to_json
 from study.records import SCHEMA_VERSION, ParticipantRow
 from study.recruiting import IDENTITY_PREFIX, ids_among

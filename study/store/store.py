@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
-from study.design import Study, plan_session
+from study.definition.study import Study, plan_session
 from study.protocol import Session
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import erasure, migration, participants, progress, rows

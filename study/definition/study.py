@@ -20,10 +20,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from study.design_checks import cross_problems
-from study.fields import Flag, Identifier, Part, Text, number
-from study.instruments import INSTRUMENTS, Instrument
-from study.parts import (
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
+from study.definition.checks import cross_problems
+from study.definition.field_types import Flag, Identifier, Part, Text, number
+from study.definition.questionnaires import Questionnaire, as_tables, file_problems, own_ids
+from study.definition.sections import (
     ArbiterSettings,
     Condition,
     Consent,
@@ -36,9 +37,8 @@ from study.parts import (
     RobotSettings,
     Texts,
 )
-from study.questionnaires import Questionnaire, as_tables, file_problems, own_ids
+from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
 from study.records import StudyError
-from study.study_file import Problem, StudyFileError, model_problems, parse_toml, report
 
 __all__ = [
     "Pickup",

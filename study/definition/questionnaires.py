@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from study.fields import Flag, Identifier, Part, Text, number
-from study.instruments import INSTRUMENTS, Instrument, Item
-from study.study_file import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, Item
+from study.definition.field_types import Flag, Identifier, Part, Text, number
+from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
 
 FORMS = ("demographics", "comprehension", "debrief")
 """What else leaves answers, under these names; no questionnaire may have them."""

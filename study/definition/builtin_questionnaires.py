@@ -123,4 +123,4 @@ TLX_RAW = Instrument(
 )
 
 INSTRUMENTS: dict[str, Instrument] = {item.id: item for item in (SUS_MODIFIED, TLX_RAW)}
-"""The questionnaires that are built in; a study file may bring its own (`study.questionnaires`)."""
+"""The questionnaires that are built in; a study file may bring its own (`study.definition.questionnaires`)."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-from study.instruments import INSTRUMENTS
-from study.parts import Recruitment
-from study.questionnaires import own_ids, questionnaire_problems
+from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.questionnaires import own_ids, questionnaire_problems
+from study.definition.sections import Recruitment
+from study.definition.toml_reader import Problem, choices_sentence
 from study.recruiting import placeholders
-from study.study_file import Problem, choices_sentence
 
 
 def cross_problems(

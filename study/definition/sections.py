@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Union
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from study.fields import Flag, Identifier, Link, Paragraphs, ParameterName, Part, Text, number
+from study.definition.field_types import Flag, Identifier, Link, Paragraphs, ParameterName, Part, Text, number
 
 
 def _calibrated_or_number(value: object) -> object:
