@@ -205,7 +205,7 @@ async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-
 
 
 def _announce(lab) -> None:  # type: ignore[no-untyped-def]
-    from study.recruiting import open_link
+    from study.flow.open_link import open_link
 
     links = {
         "base_url": lab.base_url,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from app.config import LabError
-from study.protocol import EventName, Session, allowed
+from study.flow.protocol import EventName, Session, allowed
 
 CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
 RemarkName = Literal["note", "task_marked", "message", "help_seen"]

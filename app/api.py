@@ -30,7 +30,7 @@ from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from app.planning import StudySetup
 from study.export import export_zip
-from study.protocol import allowed
+from study.flow.protocol import allowed
 from study.store import Kind, StoredSession
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]

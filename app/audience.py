@@ -6,9 +6,9 @@ from app import pages
 from app.messages import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
 from app.surroundings import Client, Enrolment, Role, Surroundings
 from sim.interface import TICK_S
-from study.distractor import Alert as Reading
-from study.distractor import DistractorState
-from study.protocol import Session
+from study.flow.distractor import Alert as Reading
+from study.flow.distractor import DistractorState
+from study.flow.protocol import Session
 
 
 class Audience:

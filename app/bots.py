@@ -43,8 +43,8 @@ from app.messages import (
 )
 from app.pilot import Pilot, Sight
 from app.trial import OperatorInput
-from study.eligibility import USER_AGENTS
-from study.protocol import TERMINAL
+from study.flow.eligibility import USER_AGENTS
+from study.flow.protocol import TERMINAL
 
 ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000

@@ -14,10 +14,10 @@ from app.cycles import cycle_from_json
 from app.stage import Stage
 from app.trial_values import CycleStart
 from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
-from study import protocol
 from study.definition.study import reading
-from study.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
-from study.quality import judged
+from study.flow import protocol
+from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
+from study.flow.quality import judged
 from study.records import OVERRUN_MS, EventRow, TrialRow, utc_text
 
 
@@ -48,7 +48,7 @@ class Course:
     ) -> None:
         """Take an event of the protocol: commit, call `on_disk`, carry out its effects, show the new page.
 
-        Raises `study.protocol.IllegalEvent`.
+        Raises `study.flow.protocol.IllegalEvent`.
         """
         stage = self._stage
         before = stage.session

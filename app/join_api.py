@@ -16,7 +16,7 @@ from app.entrance import COOKIES, place_of, prefix, set_cookie
 from app.lab import Lab
 from app.recruiter import Offer, Recruiter, cookie_name
 from app.sockets import same_origin
-from study.recruiting import filled
+from study.flow.open_link import filled
 
 JOINS_A_MINUTE = 60
 """From one address: a whole class behind one router can begin together, a script that makes up ids cannot go on."""

@@ -26,9 +26,9 @@ from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec
 from app.workers import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
-from study.distractor import from_rows
+from study.flow.distractor import from_rows
+from study.flow.open_link import ids_among
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
-from study.recruiting import ids_among
 from study.store import Kind, Store, StoredSession, open_store
 from study.writer import AsyncStore
 

@@ -33,7 +33,7 @@ from app.recent import KEPT_EVENTS
 from app.session import LiveSession
 from app.sockets import HELLO_WITHIN_S, Places, same_origin
 from app.words import with_words
-from study.protocol import Session
+from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession
 

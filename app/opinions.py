@@ -47,7 +47,7 @@ class Experience:
 def survey_answers(
     study: Study, traits: Traits, felt: Experience, rng: np.random.Generator
 ) -> dict[str, dict[str, int]]:
-    """Answers to every questionnaire of the study, as `study.surveys.validate_surveys` takes them.
+    """Answers to every questionnaire of the study, as `study.flow.answers.validate_surveys` takes them.
 
     A questionnaire that is about neither usability nor workload is answered around the middle.
     """

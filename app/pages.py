@@ -14,10 +14,10 @@ from app.outcomes import Verdict
 from app.trial_values import TickResult, TrialView
 from sim import views
 from study.definition.study import Study
-from study.eligibility import checks_of, tones_of
-from study.protocol import Session
-from study.recruiting import filled
-from study.surveys import describe
+from study.flow.answers import describe
+from study.flow.eligibility import checks_of, tones_of
+from study.flow.open_link import filled
+from study.flow.protocol import Session
 
 VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
 """Names and labels of the camera views, the one a session starts with first."""

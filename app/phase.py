@@ -9,7 +9,7 @@ from app.messages import World
 from app.trial import TrialView
 from app.worker_messages import Ready, Ticked
 from sim.interface import TICK_S
-from study.distractor import Alert, DistractorState
+from study.flow.distractor import Alert, DistractorState
 
 
 @dataclass

@@ -9,9 +9,9 @@ from typing import Literal
 
 from app.auth import token_hash
 from app.lab import Lab
-from study.protocol import State
+from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, Answer, answer, read_ids
+from study.flow.protocol import State
 from study.records import EventRow, utc_text
-from study.recruiting import BEFORE_CONSENT, IDENTITY_PREFIX, Answer, answer, read_ids
 from study.store import Store
 
 

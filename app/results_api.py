@@ -16,9 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.acts import NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from study.definition.study import Study
+from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Store
-from study.surveys import score
 
 router = APIRouter(prefix="/api", tags=["results"], route_class=ExperimenterRoute)
 

@@ -13,9 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.acts import Command, NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.lab import Lab, NoSuchParticipant
-from study import roster
-from study.recruiting import open_link
-from study.roster import ACTS, Act, Enrolled
+from study.flow import roster
+from study.flow.open_link import open_link
+from study.flow.roster import ACTS, Act, Enrolled
 from study.store import Store, StoredSession
 
 PAGE = 50

@@ -37,7 +37,7 @@ from app.trial_values import TrialSetup
 from app.words import apart
 from app.worker_link import WorkerLink
 from app.worker_messages import Hands, WorkerReport
-from study.protocol import Event, Session
+from study.flow.protocol import Event, Session
 
 log = logging.getLogger(__name__)
 

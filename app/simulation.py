@@ -21,10 +21,10 @@ from app.steps import STEPS, StepContext
 from app.trial import TrialEngine
 from app.trial_values import OperatorInput, TickResult, TrialView
 from sim.interface import TICK_S, Robot, Vector3
-from study import protocol
 from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
-from study.distractor import DistractorState
-from study.protocol import Event, Session
+from study.flow import protocol
+from study.flow.distractor import DistractorState
+from study.flow.protocol import Event, Session
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
 
 FIRST_DAY_UNIX_S = 946_684_800.0

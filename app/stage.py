@@ -20,9 +20,9 @@ from app.surroundings import Enrolment, Surroundings, Vitals
 from app.trial import CycleStart
 from app.words import Private
 from app.worker_link import WorkerLink
-from study.distractor import DistractorState
-from study.eligibility import PINGS, Check, checks_of
-from study.protocol import Session
+from study.flow.distractor import DistractorState
+from study.flow.eligibility import PINGS, Check, checks_of
+from study.flow.protocol import Session
 from study.records import EventRow, utc_text
 from study.store import Cycle
 

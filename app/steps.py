@@ -13,10 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from study.definition.study import Study
-from study.eligibility import Check, Device, browser_of, checks_of, shortcomings, tones_of
-from study.protocol import Event, Session
-from study.records import SurveyAnswerRow
-from study.surveys import (
+from study.flow.answers import (
     AnswerProblem,
     answer_rows,
     validate_comprehension,
@@ -24,6 +21,9 @@ from study.surveys import (
     validate_demographics,
     validate_surveys,
 )
+from study.flow.eligibility import Check, Device, browser_of, checks_of, shortcomings, tones_of
+from study.flow.protocol import Event, Session
+from study.records import SurveyAnswerRow
 
 Text = Annotated[str, Field(max_length=4000)]
 Name = Annotated[str, Field(max_length=200)]
@@ -105,7 +105,7 @@ class ConsentData(_Data):
 
 
 class AnswersData(_Data):
-    """Answers by item (or by questionnaire and item); `study.surveys` checks what is in them."""
+    """Answers by item (or by questionnaire and item); `study.flow.answers` checks what is in them."""
 
     answers: dict[Name, Any]
 

@@ -64,7 +64,7 @@ def _check(options: argparse.Namespace) -> int:
     from app.planning import calibration_text, study_setup
     from app.variants import open_study
     from study.definition.study import StudyFileError
-    from study.overview import overview
+    from study.flow.overview import overview
 
     try:
         study = open_study(options.file)

@@ -14,7 +14,7 @@ from app.steps import STEPS, AlertData, Refused, StepContext, parse
 from app.surroundings import Client
 from app.words import apart
 from app.worker_messages import SetView
-from study import protocol
+from study.flow import protocol
 from study.records import EventRow
 
 

@@ -11,8 +11,8 @@ from app.messages import Message
 from app.pages import Labels
 from app.worker_messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
-from study.distractor import DistractorState
-from study.protocol import WorkerKind
+from study.flow.distractor import DistractorState
+from study.flow.protocol import WorkerKind
 from study.records import EventRow, TrialRow, utc_text
 from study.writer import AsyncStore
 

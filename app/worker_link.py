@@ -8,7 +8,7 @@ from collections.abc import Callable
 from app.surroundings import Surroundings, WorkerHandle
 from app.trial_values import TrialSetup
 from app.worker_messages import WorkerCommand, WorkerReport
-from study.protocol import WorkerKind
+from study.flow.protocol import WorkerKind
 
 log = logging.getLogger(__name__)
 

@@ -20,10 +20,10 @@ from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
 from study.export import read_meta, read_table
+from study.flow.answers import SurveyScore, survey_scores
 from study.measures import Measures, measure
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
 from study.summaries import conditions_of
-from study.surveys import SurveyScore, survey_scores
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",

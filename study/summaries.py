@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from study.flow.answers import SurveyScore
 from study.measures import Kind, Measures, window_rates
 from study.records import CONDITIONS
-from study.surveys import SurveyScore
 
 KINDS_OF_SUMMARY: tuple[Kind, ...] = ("pickup", "dropoff", "all")
 

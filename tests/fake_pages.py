@@ -7,7 +7,7 @@ from typing import Any
 from app.acts import ACTS
 from sim.views import VIEWS
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.protocol import TERMINAL
+from study.flow.protocol import TERMINAL
 
 Message = dict[str, Any]
 

@@ -55,10 +55,11 @@ MODULES = {
         app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
         app.autonomy.calibration app.autonomy.errors app.autonomy.hindsight app.autonomy.information
         app.autonomy.transition sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
-        study.definition.study study.definition.checks study.definition.toml_reader study.protocol study.distractor
-        study.surveys study.overview study.definition.builtin_questionnaires study.definition.field_types
-        study.definition.sections study.definition.questionnaires study.records study.roster study.measures
-        study.summaries study.observations study.quality study.eligibility study.recruiting
+        study.definition.study study.definition.checks study.definition.toml_reader study.flow.protocol
+        study.flow.distractor study.flow.answers study.flow.overview study.definition.builtin_questionnaires
+        study.definition.field_types study.definition.sections study.definition.questionnaires study.records
+        study.flow.roster study.measures study.summaries study.observations study.flow.quality
+        study.flow.eligibility study.flow.open_link
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}
@@ -215,7 +216,7 @@ def test_imports_run_downward_only() -> None:
         ("app.trial", "def f():\n    from app import server", "app.trial:2 (engine) imports app.server (edge)"),
         ("study.store.rows", "from app.lab import Lab", "study.store.rows:1 (adapters) imports app.lab (engine)"),
         ("app.lab", "import importlib\nimportlib.import_module('app.api')", "app.lab:2 (engine) imports app.api"),
-        ("study.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
+        ("study.flow.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a room of its own"),
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
@@ -229,7 +230,7 @@ def test_imports_run_downward_only() -> None:
         ),
         ("study.export", "from study.store.tables import RECORDS", "imports study.store.tables: what others may use"),
         ("app.lab", "from study.store import database", "imports study.store.database: what others may use"),
-        ("study.protocol", "import time", "pure code is given now_s"),
+        ("study.flow.protocol", "import time", "pure code is given now_s"),
         ("sim.ik", "from scipy.optimize import minimize", "(pure) imports scipy"),
         ("app.surprise", "", "app.surprise has no layer: add it to MODULES"),
     ],

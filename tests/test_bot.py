@@ -17,8 +17,8 @@ import pytest
 from app.__main__ import main
 from app.bots import Bot, BotReport, PanelBot, Wire, enter, open_wire
 from app.messages import Ack, Error, Input, Message, Page, Status, Submit
+from study.flow.answers import validate_surveys
 from study.records import TABLES, columns
-from study.surveys import validate_surveys
 from tests import lab_server
 from tests.lab_server import LabServer
 from tests.study_samples import BINS, OBJECTS, shipped_study

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from study.definition.sections import DistractorSettings
-from study.distractor import DistractorState, from_rows
+from study.flow.distractor import DistractorState, from_rows
 from study.records import StudyError
 
 UTC = "2026-01-01T00:00:00+00:00"

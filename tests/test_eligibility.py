@@ -11,8 +11,17 @@ from app.messages import Ping, Pong
 from app.round_trips import LOST_AFTER_S, RoundTrips
 from app.steps import STEPS, Refused, StepContext
 from study.definition.sections import Eligibility
-from study.eligibility import CHECKS, LEAST_TONES, MOST_TONES, Device, browser_of, checks_of, shortcomings, tones_of
-from study.protocol import Event, new_session
+from study.flow.eligibility import (
+    CHECKS,
+    LEAST_TONES,
+    MOST_TONES,
+    Device,
+    browser_of,
+    checks_of,
+    shortcomings,
+    tones_of,
+)
+from study.flow.protocol import Event, new_session
 from tests.study_samples import shipped_study
 
 ALL = Eligibility(

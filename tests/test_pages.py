@@ -14,7 +14,7 @@ from app.trial_values import TickResult, TrialView
 from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
-from study.protocol import STATES, Event, EventName, Session, advance, new_session
+from study.flow.protocol import STATES, Event, EventName, Session, advance, new_session
 from tests.engine_cases import CONDITIONS, Person, drive, opened, paper_study, practice_setup, trial_setup
 from tests.study_samples import shipped_study
 

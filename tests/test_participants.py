@@ -17,7 +17,7 @@ from app.trial_values import OperatorInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
 from sim.layouts import LAYOUTS, scene
-from study.surveys import score, validate_surveys
+from study.flow.answers import score, validate_surveys
 from tests.study_samples import OBJECTS, shipped_study
 
 SPEED_M_S = 0.03

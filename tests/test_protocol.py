@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from study.protocol import (
+from study.flow.protocol import (
     EVENTS,
     FREES_CELL,
     INTERVENTIONS,

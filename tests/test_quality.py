@@ -7,7 +7,7 @@ import json
 import pytest
 
 from study.definition.sections import QualityRules
-from study.quality import Measured, broken_rules, judged, measure
+from study.flow.quality import Measured, broken_rules, judged, measure
 from tests.study_samples import event_row, trial_row
 
 RULES = QualityRules(

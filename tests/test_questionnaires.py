@@ -18,8 +18,8 @@ from study.definition.questionnaires import own_instruments
 from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
 from study.definition.toml_reader import parse_toml
 from study.export import write_tables
-from study.protocol import Session
-from study.surveys import answer_rows, score, survey_scores, validate_surveys
+from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
+from study.flow.protocol import Session
 from study.wording import methods
 from tests.analysis_samples import data_set
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from study.definition.study import orders
-from study.roster import ACTS, Enrolled, counts, grid, matches, why_not
+from study.flow.roster import ACTS, Enrolled, counts, grid, matches, why_not
 from tests.study_samples import shipped_study
 
 ORDERS = orders(shipped_study())

@@ -17,9 +17,9 @@ from app.variants import Changes, changed_study, open_study
 from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
-from study.distractor import from_rows
+from study.flow.answers import validate_surveys
+from study.flow.distractor import from_rows
 from study.records import TABLES
-from study.surveys import validate_surveys
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
 

@@ -10,7 +10,7 @@ import pytest
 
 from app.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.protocol import Event, new_session
+from study.flow.protocol import Event, new_session
 from tests.study_samples import shipped_study
 
 STUDY = shipped_study()

@@ -19,7 +19,7 @@ import pytest
 
 from study.definition.study import orders
 from study.fingerprint import machine_fingerprint
-from study.protocol import advance
+from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError
 from study.store import Cycle, Store, StoredSession, StoreError, open_store
 from study.store.database import FILE_NAME

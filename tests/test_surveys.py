@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
-from study.records import StudyError
-from study.surveys import (
+from study.flow.answers import (
     AnswerError,
     answer_rows,
     describe,
@@ -23,6 +22,7 @@ from study.surveys import (
     validate_demographics,
     validate_surveys,
 )
+from study.records import StudyError
 from tests.study_samples import shipped_study
 
 UTC = "2026-01-01T00:00:00+00:00"

@@ -12,7 +12,7 @@ from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
-from study.recruiting import placeholders
+from study.flow.open_link import placeholders
 
 
 def cross_problems(

@@ -117,7 +117,7 @@ class Study(Part):
 
     @property
     def skips(self) -> frozenset[str]:
-        """States of the session that this study leaves out (see `study.protocol`)."""
+        """States of the session that this study leaves out (see `study.flow.protocol`)."""
         present = {
             "eligibility": self.eligibility != Eligibility(),
             "demographics": bool(self.demographics),

@@ -8,9 +8,9 @@ import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.definition.study import Study, next_order
-from study.protocol import FREES_CELL, from_json, new_session, to_json
+from study.flow.open_link import IDENTITY_PREFIX, ids_among
+from study.flow.protocol import FREES_CELL, from_json, new_session, to_json
 from study.records import SCHEMA_VERSION, ParticipantRow
-from study.recruiting import IDENTITY_PREFIX, ids_among
 from study.store.rows import add, clean_text, insert
 from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
 from study.store.values import Kind, StoredSession

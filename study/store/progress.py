@@ -9,7 +9,7 @@ from typing import Any, cast
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
-from study.protocol import Session, to_json
+from study.flow.protocol import Session, to_json
 from study.store.rows import insert
 from study.store.tables import CYCLES, RECORDS, SESSIONS, SUBMISSIONS
 from study.store.values import Cycle, StoreError

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from study.definition.study import Study, plan_session
-from study.protocol import Session
+from study.flow.protocol import Session
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from study.protocol import Session
+from study.flow.protocol import Session
 from study.records import StudyError
 
 Kind = Literal["study", "pilot", "demo"]

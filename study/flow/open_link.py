@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
 from study.definition.sections import Recruitment
-from study.protocol import State
+from study.flow.protocol import State
 
 MAX_ID_CHARACTERS = 100
 _ID = re.compile(rf"[A-Za-z0-9._~@-]{{1,{MAX_ID_CHARACTERS}}}\Z")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from study.definition.study import Study, next_order, orders
-from study.protocol import FREES_CELL, TERMINAL
-from study.recruiting import BEFORE_CONSENT
+from study.flow.open_link import BEFORE_CONSENT
+from study.flow.protocol import FREES_CELL, TERMINAL
 
 Kind = Literal["study", "pilot", "demo"]
 Act = Literal["reject", "withdraw", "erase", "new_link"]

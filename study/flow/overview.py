@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from study.definition.study import Study, orders
-from study.eligibility import checks_of
-from study.recruiting import open_link
+from study.flow.eligibility import checks_of
+from study.flow.open_link import open_link
 
 TRAVEL_M = 1.7
 """Way of the gripper for one object: there, to the bin, and the detours of a person; simulated participants' mean."""
