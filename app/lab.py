@@ -29,8 +29,7 @@ from study.definition.study import Study, plan_session
 from study.flow.distractor import from_rows
 from study.flow.open_link import ids_among
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
-from study.store import Kind, Store, StoredSession, open_store
-from study.writer import AsyncStore
+from study.store import AsyncStore, Kind, Store, StoredSession, open_store
 
 PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0

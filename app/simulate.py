@@ -33,8 +33,8 @@ from app.simulation import Case, Record, simulate_participant
 from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
 from study.definition.study import Study, orders
 from study.export import write_tables
-from study.fingerprint import machine_fingerprint
 from study.records import SCHEMA_VERSION, TABLES
+from study.store import machine_fingerprint
 
 MAX_PARTICIPANTS = 9999
 MAX_WORKERS = 256

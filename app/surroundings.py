@@ -14,7 +14,7 @@ from study.definition.study import SessionPlan, Study
 from study.flow.distractor import DistractorState
 from study.flow.protocol import WorkerKind
 from study.records import EventRow, TrialRow, utc_text
-from study.writer import AsyncStore
+from study.store import AsyncStore
 
 Role = Literal["participant", "panel"]
 

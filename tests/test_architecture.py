@@ -48,8 +48,9 @@ MODULES = {
         study.store study.store.store study.store.database study.store.migration study.store.tables study.store.rows
         study.store.revisions.env study.store.revisions.versions.r0001_where_migrations_began
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
-        study.writer study.fingerprint study.export study.package study.effects study.factors study.statistics
-        study.mixed study.dataset study.analysis study.figures study.tables study.wording study.report
+        study.store.async_store study.store.fingerprint study.export study.package study.effects study.factors
+        study.statistics study.mixed study.dataset study.analysis study.figures study.tables study.wording
+        study.report
     """,
     "pure": """
         app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief

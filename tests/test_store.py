@@ -18,12 +18,10 @@ import numpy as np
 import pytest
 
 from study.definition.study import orders
-from study.fingerprint import machine_fingerprint
 from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError
-from study.store import Cycle, Store, StoredSession, StoreError, open_store
+from study.store import AsyncStore, Cycle, Store, StoredSession, StoreError, machine_fingerprint, open_store
 from study.store.database import FILE_NAME
-from study.writer import AsyncStore
 from tests.study_samples import (
     UTC,
     alert_row,

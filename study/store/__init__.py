@@ -3,6 +3,8 @@
 The rest of the project uses the names below and nothing further in. Where to look:
 
     store         `Store`: everything the lab asks of its data; each method that writes is one transaction
+    async_store   a store for asyncio code: one thread does all the writing
+    fingerprint   the machine and the versions that data were recorded on
     database      the file: lock, versions, damage, transactions, durability
     migration     versions of the file, and how an older one becomes this one
     tables        what stands in the file
@@ -14,8 +16,20 @@ The rest of the project uses the names below and nothing further in. Where to lo
     values        what the store hands out, and its error
 """
 
+from study.store.async_store import AsyncStore
+from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
 from study.store.values import Cycle, Kind, StoredSession, StoreError
 
-__all__ = ["Cycle", "Kind", "Snapshot", "Store", "StoreError", "StoredSession", "open_store"]
+__all__ = [
+    "AsyncStore",
+    "Cycle",
+    "Kind",
+    "Snapshot",
+    "Store",
+    "StoreError",
+    "StoredSession",
+    "machine_fingerprint",
+    "open_store",
+]

@@ -18,8 +18,8 @@ from typing import IO, Any
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
-from study.fingerprint import machine_fingerprint
 from study.store import migration
+from study.store.fingerprint import machine_fingerprint
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 

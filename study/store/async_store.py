@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from study.store import Store
+from study.store.store import Store
 
 Result = TypeVar("Result")
 
