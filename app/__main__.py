@@ -291,9 +291,9 @@ def _fit(options: argparse.Namespace) -> None:
 
 def _analyze(options: argparse.Namespace) -> None:
     from app.heatmap import heatmap_of
-    from study.analysis import analyse
-    from study.dataset import load
-    from study.report import claim, write_report
+    from study.analysis.analysis import analyse
+    from study.analysis.dataset import load
+    from study.analysis.report import claim, write_report
 
     data = load(options.dir)
     claim(options.out)  # before the work, not after it

@@ -29,8 +29,8 @@ from app.parts import make_robot
 from app.simulate import MAX_WORKERS, Plan, check_count, run_jobs
 from app.simulation import simulate_trial
 from app.variants import Changes, changed_study, open_study
-from study.measures import Measures, measure
-from study.summaries import summarise
+from study.analysis.measures import Measures, measure
+from study.analysis.summaries import summarise
 
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "replan": {"transition": "replan", "planning_delay": 0.8, "step_m": 0.03},

@@ -15,8 +15,8 @@ from app.autonomy.information import information_gain_at
 from app.autonomy.transition import TransitionModel
 from sim.layouts import LAYOUTS, Layout, scene
 from sim.objects import STUDY_OBJECTS
-from study.dataset import DataSet
-from study.figures import Heatmap, HeatmapGoal
+from study.analysis.dataset import DataSet
+from study.analysis.figures import Heatmap, HeatmapGoal
 
 LIKELY = 0.34
 """Probability of each of the two likely goals; the others share the rest. The paper states no numbers."""

@@ -49,10 +49,10 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
             step(2)
             # Imported when there is something to compute: they load the statistics and the plotting.
             from app.heatmap import heatmap_of
-            from study.analysis import analyse
-            from study.dataset import load
-            from study.figures import draw_all
-            from study.report import write_drawn
+            from study.analysis.analysis import analyse
+            from study.analysis.dataset import load
+            from study.analysis.figures import draw_all
+            from study.analysis.report import write_drawn
 
             data = load(package)
             step(3)

@@ -22,7 +22,7 @@ from app.report_job import WORK_PREFIX
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = "report"
 PAGE = "report.html"
-"""As `study.report` names it, which is not imported here: it loads the statistics and the plotting."""
+"""As `study.analysis.report` names it, which is not imported here: it loads the statistics and the plotting."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from scipy import stats
 
 from app.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
 from app.studies import SURVEYS, Values
-from study.analysis import compare
-from study.statistics import Anova, slope
+from study.analysis.analysis import compare
+from study.analysis.linear_model import Anova, slope
 
 ALPHA = 0.05
 SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80

@@ -22,10 +22,10 @@ from app.paper import REPORTED
 from app.parts import make_robot
 from app.simulate import Plan, check_count, participant_seed, run_jobs
 from app.simulation import simulate_trials
+from study.analysis.measures import measure
+from study.analysis.observations import Observation, observations, survey_observations
 from study.definition.study import orders
 from study.flow.answers import survey_scores
-from study.measures import measure
-from study.observations import Observation, observations, survey_observations
 
 Key = tuple[str, str]
 """Measure and kind, as in `app.paper.REPORTED`."""

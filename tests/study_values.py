@@ -8,7 +8,7 @@ import numpy as np
 
 from app.paper import CONDITIONS_IN_ORDER, REPORTED
 from app.studies import SURVEYS, Values
-from study.observations import Observation
+from study.analysis.observations import Observation
 
 ORDERS = tuple(itertools.permutations(CONDITIONS_IN_ORDER))
 

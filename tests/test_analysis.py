@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from study.analysis import Analysis, analyse, compare
-from study.dataset import load
-from study.effects import NotFitted
+from study.analysis.analysis import Analysis, analyse, compare
+from study.analysis.dataset import load
+from study.analysis.effect_sizes import NotFitted
+from study.analysis.linear_model import RepeatedMeasures
+from study.analysis.observations import observations
 from study.export import write_tables
-from study.observations import observations
 from study.records import StudyError
-from study.statistics import RepeatedMeasures
 from tests.analysis_samples import DataSet, Wanted, data_set
 
 

@@ -48,9 +48,10 @@ MODULES = {
         study.store study.store.store study.store.database study.store.migration study.store.tables study.store.rows
         study.store.revisions.env study.store.revisions.versions.r0001_where_migrations_began
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
-        study.store.async_store study.store.fingerprint study.export study.package study.effects study.factors
-        study.statistics study.mixed study.dataset study.analysis study.figures study.tables study.wording
-        study.report
+        study.store.async_store study.store.fingerprint study.export study.package study.analysis.effect_sizes
+        study.analysis.design_matrix study.analysis.linear_model study.analysis.mixed_model study.analysis.dataset
+        study.analysis.analysis study.analysis.figures study.analysis.tables study.analysis.method_text
+        study.analysis.report
     """,
     "pure": """
         app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
@@ -59,8 +60,8 @@ MODULES = {
         study.definition.study study.definition.checks study.definition.toml_reader study.flow.protocol
         study.flow.distractor study.flow.answers study.flow.overview study.definition.builtin_questionnaires
         study.definition.field_types study.definition.sections study.definition.questionnaires study.records
-        study.flow.roster study.measures study.summaries study.observations study.flow.quality
-        study.flow.eligibility study.flow.open_link
+        study.flow.roster study.analysis.measures study.analysis.summaries study.analysis.observations
+        study.flow.quality study.flow.eligibility study.flow.open_link
     """,
 }
 LAYER_OF = {module: layer for layer, names in MODULES.items() for module in names.split()}
@@ -86,8 +87,8 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "sqlite3": STORE,
     "alembic": STORE,
     "pyarrow": frozenset({"study.package"}),
-    "matplotlib": frozenset({"study.figures"}),
-    "statsmodels": frozenset({"study.statistics", "study.mixed"}),
+    "matplotlib": frozenset({"study.analysis.figures"}),
+    "statsmodels": frozenset({"study.analysis.linear_model", "study.analysis.mixed_model"}),
 }
 
 PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_types", "tomli", "typing_extensions"})

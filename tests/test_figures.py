@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from app.heatmap import fig2_heatmap, heatmap_of
-from study.analysis import Analysis, analyse
-from study.dataset import load
-from study.figures import Picture, draw_all, looks, objective_figure, stars
+from study.analysis.analysis import Analysis, analyse
+from study.analysis.dataset import load
+from study.analysis.figures import Picture, draw_all, looks, objective_figure, stars
 from tests.analysis_samples import Wanted, data_set
 
 

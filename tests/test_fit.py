@@ -12,7 +12,7 @@ from app.fit import ANCHORS, PARAMETERS, VARIANTS, Fit, anchor_values, as_json, 
 from app.paper import reported
 from app.simulate import Plan, make_plan
 from app.variants import changed_study, fitted, fitted_population, open_study
-from study.measures import Measures
+from study.analysis.measures import Measures
 
 
 @cache

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from study.analysis.measures import convergence, measure, measure_task, window_rates
+from study.analysis.summaries import summarise, summary
 from study.flow.answers import survey_scores
-from study.measures import convergence, measure, measure_task, window_rates
 from study.records import StudyError, SurveyAnswerRow
-from study.summaries import summarise, summary
 from tests.analysis_samples import Wanted, data_set, script, scripted_task
 from tests.study_samples import UTC, tick_row
 

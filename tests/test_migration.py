@@ -19,8 +19,8 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 
-from study.analysis import analyse
-from study.dataset import load
+from study.analysis.analysis import analyse
+from study.analysis.dataset import load
 from study.export import export, read_meta, read_table
 from study.records import TABLES
 from study.store import StoreError, migration, open_store

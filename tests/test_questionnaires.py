@@ -12,15 +12,15 @@ import pytest
 from app.opinions import Experience, survey_answers
 from app.pages import PageContext, page
 from app.participants import Population, draw_traits
-from study.analysis import analyse
-from study.dataset import load as load_data
+from study.analysis.analysis import analyse
+from study.analysis.dataset import load as load_data
+from study.analysis.method_text import methods
 from study.definition.questionnaires import own_instruments
 from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
 from study.definition.toml_reader import parse_toml
 from study.export import write_tables
 from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
 from study.flow.protocol import Session
-from study.wording import methods
 from tests.analysis_samples import data_set
 from tests.study_samples import BINS, LAYOUTS, OBJECTS, UTC
 

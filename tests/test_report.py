@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from study.summaries import Summary
-from study.wording import mean_sd, number, p_value
+from study.analysis.method_text import mean_sd, number, p_value
+from study.analysis.summaries import Summary
 from tests.analysis_samples import Wanted, data_set
 
 

@@ -15,7 +15,7 @@ import pytest
 from app.acts import NotNow
 from app.report_job import STEPS, WORK_PREFIX, make_report, sentence
 from app.reporter import PAGE, Reporter
-from study.report import PAGE_NAME
+from study.analysis.report import PAGE_NAME
 from study.store import open_store
 from tests.accessibility import findings
 from tests.analysis_samples import data_set, store_study

@@ -8,9 +8,8 @@ import pytest
 from scipy.special import ndtr
 from statsmodels.stats.anova import AnovaRM
 
-from study.effects import Interval, NotFitted, d_within, eta_squared, hedges_g
-from study.mixed import MixedModel, _Groups, mixed_model
-from study.statistics import (
+from study.analysis.effect_sizes import Interval, NotFitted, d_within, eta_squared, hedges_g
+from study.analysis.linear_model import (
     Anova,
     RepeatedMeasures,
     anova,
@@ -20,6 +19,7 @@ from study.statistics import (
     slope,
     tukey,
 )
+from study.analysis.mixed_model import MixedModel, _Groups, mixed_model
 
 # Dobson, "An Introduction to Statistical Modelling" (1983), plant weights; R ships it as PlantGrowth.
 PLANTS = {

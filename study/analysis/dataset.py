@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from study.analysis.measures import Measures, measure
+from study.analysis.summaries import conditions_of
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
 from study.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
-from study.measures import Measures, measure
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
-from study.summaries import conditions_of
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",

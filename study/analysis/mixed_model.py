@@ -11,8 +11,8 @@ import numpy as np
 from scipy import optimize, stats
 from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
 
-from study.effects import LEVEL, NO_VARIANCE, Interval, NotFitted
-from study.factors import FloatArray, design_matrix, independent_columns, levels_of, problem
+from study.analysis.design_matrix import FloatArray, design_matrix, independent_columns, levels_of, problem
+from study.analysis.effect_sizes import LEVEL, NO_VARIANCE, Interval, NotFitted
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from study.analysis import Analysis, Comparison
-from study.effects import Interval, NotFitted
-from study.measures import TaskMeasures, WindowMeasures, window_rates
-from study.mixed import MixedModel
-from study.statistics import RepeatedMeasures
-from study.summaries import summarise
+from study.analysis.analysis import Analysis, Comparison
+from study.analysis.effect_sizes import Interval, NotFitted
+from study.analysis.linear_model import RepeatedMeasures
+from study.analysis.measures import TaskMeasures, WindowMeasures, window_rates
+from study.analysis.mixed_model import MixedModel
+from study.analysis.summaries import summarise
 
 MEASURES_FORMAT = "shared-autonomy-lab measures"
 MEASURES_VERSION = 1

@@ -12,15 +12,15 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from study.analysis import KIND_TITLES, Analysis, Comparison
-from study.dataset import AnalysisError
-from study.effects import Interval, NotFitted
-from study.figures import HEATMAP_NAME, Heatmap, Picture, draw_all, looks
-from study.measures import GAIN_ENTROPY, WINDOW_TICKS
-from study.statistics import Pair, RepeatedMeasures
-from study.summaries import summarise
-from study.tables import MEASURES_FORMAT, all_tables, measures_json
-from study.wording import interval, mean_sd, methods, number, p_value, settings
+from study.analysis.analysis import KIND_TITLES, Analysis, Comparison
+from study.analysis.dataset import AnalysisError
+from study.analysis.effect_sizes import Interval, NotFitted
+from study.analysis.figures import HEATMAP_NAME, Heatmap, Picture, draw_all, looks
+from study.analysis.linear_model import Pair, RepeatedMeasures
+from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
+from study.analysis.method_text import interval, mean_sd, methods, number, p_value, settings
+from study.analysis.summaries import summarise
+from study.analysis.tables import MEASURES_FORMAT, all_tables, measures_json
 
 PAGE_NAME = "report.html"
 MEASURES_NAME = "measures.json"

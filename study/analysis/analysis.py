@@ -14,16 +14,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from study import effects, statistics
-from study.dataset import DataSet
+from study.analysis import effect_sizes as effects
+from study.analysis import linear_model as statistics
+from study.analysis.dataset import DataSet
+from study.analysis.effect_sizes import NotFitted
+from study.analysis.linear_model import Anova, Pair, RepeatedMeasures, Slope
+from study.analysis.measures import Kind, Measures
+from study.analysis.mixed_model import MixedModel, mixed_model
+from study.analysis.observations import Observation, observations, survey_observations
+from study.analysis.summaries import Summary, summary
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
-from study.effects import NotFitted
-from study.measures import Kind, Measures
-from study.mixed import MixedModel, mixed_model
-from study.observations import Observation, observations, survey_observations
-from study.statistics import Anova, Pair, RepeatedMeasures, Slope
-from study.summaries import Summary, summary
 
 MeasureId = Literal[
     "belief_gain", "convergence_user_actions", "efficiency_ticks", "window_rate", "sus_modified", "tlx_raw"
@@ -103,7 +104,7 @@ class Analysis:
 
 
 def analyse(data: DataSet) -> Analysis:
-    """Every comparison of the paper, on any data set that `study.dataset.load` takes."""
+    """Every comparison of the paper, on any data set that `study.analysis.dataset.load` takes."""
     conditions = data.conditions
     comparisons = [
         compare(observations(data.measures, measure, kind), measure, kind, conditions)

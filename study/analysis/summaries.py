@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from study.analysis.measures import Kind, Measures, window_rates
 from study.flow.answers import SurveyScore
-from study.measures import Kind, Measures, window_rates
 from study.records import CONDITIONS
 
 KINDS_OF_SUMMARY: tuple[Kind, ...] = ("pickup", "dropoff", "all")

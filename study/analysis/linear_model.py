@@ -21,8 +21,8 @@ import numpy.typing as npt
 from scipy import stats
 from statsmodels.regression.linear_model import OLS
 
-from study.effects import LEVEL, NO_VARIANCE, Interval, NotFitted, eta_squared
-from study.factors import FloatArray, design_matrix, levels_of, problem, rank_of
+from study.analysis.design_matrix import FloatArray, design_matrix, levels_of, problem, rank_of
+from study.analysis.effect_sizes import LEVEL, NO_VARIANCE, Interval, NotFitted, eta_squared
 
 
 @dataclass(frozen=True)

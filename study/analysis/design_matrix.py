@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from study.effects import NO_VARIANCE
+from study.analysis.effect_sizes import NO_VARIANCE
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from study.analysis import Analysis
+from study.analysis.analysis import Analysis
+from study.analysis.effect_sizes import Interval
+from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
+from study.analysis.summaries import Summary
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.questionnaires import own_instruments
-from study.effects import Interval
-from study.measures import GAIN_ENTROPY, WINDOW_TICKS
-from study.summaries import Summary
 
 MINUS = "−"
 

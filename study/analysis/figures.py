@@ -21,9 +21,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from study.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
-from study.measures import Kind
-from study.observations import Observation
+from study.analysis.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
+from study.analysis.measures import Kind
+from study.analysis.observations import Observation
 
 MM = 1.0 / 25.4
 PNG_DPI = 300

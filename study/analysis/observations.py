@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from study.analysis.measures import Kind, Measures, window_rates
 from study.flow.answers import SurveyScore
-from study.measures import Kind, Measures, window_rates
 
 
 @dataclass(frozen=True)
