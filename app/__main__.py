@@ -249,7 +249,7 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from study.export import export, export_zip
+    from study.export.export import export, export_zip
     from study.store import open_store
 
     out = options.out

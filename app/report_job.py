@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from study.export import export
+from study.export.export import export
 from study.records import StudyError
 from study.store import open_store
 

@@ -32,7 +32,7 @@ from app.planning import StudySetup, study_setup
 from app.simulation import Case, Record, simulate_participant
 from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
 from study.definition.study import Study, orders
-from study.export import write_tables
+from study.export.export import write_tables
 from study.records import SCHEMA_VERSION, TABLES
 from study.store import machine_fingerprint
 
@@ -97,7 +97,7 @@ def participant_seed(seed: int, index: int) -> int:
 
 
 def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset: str | None) -> dict[str, int]:
-    """Simulate and export; rows per table. Raises `LabError` and `study.export.ExportError`."""
+    """Simulate and export; rows per table. Raises `LabError` and `study.export.export.ExportError`."""
     check_count("participants", participants, MAX_PARTICIPANTS)
     check_count("workers", workers, MAX_WORKERS)
     check_free(out_dir)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.export import write_tables
+from study.export.export import write_tables
 from study.records import CONDITIONS, ParticipantRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Kind, Store
 from tests.study_samples import BINS, OBJECTS, UTC, shipped_study, task_row, tick_row

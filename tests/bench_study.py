@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from study.export import read_meta, read_table, write_tables
+from study.export.export import read_meta, read_table, write_tables
 from study.records import TABLES
 from tests.bench import Figure
 from tests.lab_server import ROOT

@@ -14,7 +14,7 @@ from study.analysis.dataset import load
 from study.analysis.effect_sizes import NotFitted
 from study.analysis.linear_model import RepeatedMeasures
 from study.analysis.observations import observations
-from study.export import write_tables
+from study.export.export import write_tables
 from study.records import StudyError
 from tests.analysis_samples import DataSet, Wanted, data_set
 

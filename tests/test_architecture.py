@@ -48,10 +48,10 @@ MODULES = {
         study.store study.store.store study.store.database study.store.migration study.store.tables study.store.rows
         study.store.revisions.env study.store.revisions.versions.r0001_where_migrations_began
         study.store.participants study.store.progress study.store.snapshot study.store.erasure study.store.values
-        study.store.async_store study.store.fingerprint study.export study.package study.analysis.effect_sizes
-        study.analysis.design_matrix study.analysis.linear_model study.analysis.mixed_model study.analysis.dataset
-        study.analysis.analysis study.analysis.figures study.analysis.tables study.analysis.method_text
-        study.analysis.report
+        study.store.async_store study.store.fingerprint study.export.export study.export.data_package
+        study.analysis.effect_sizes study.analysis.design_matrix study.analysis.linear_model
+        study.analysis.mixed_model study.analysis.dataset study.analysis.analysis study.analysis.figures
+        study.analysis.tables study.analysis.method_text study.analysis.report
     """,
     "pure": """
         app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
@@ -86,7 +86,7 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "sqlalchemy": STORE,
     "sqlite3": STORE,
     "alembic": STORE,
-    "pyarrow": frozenset({"study.package"}),
+    "pyarrow": frozenset({"study.export.data_package"}),
     "matplotlib": frozenset({"study.analysis.figures"}),
     "statsmodels": frozenset({"study.analysis.linear_model", "study.analysis.mixed_model"}),
 }
@@ -226,11 +226,15 @@ def test_imports_run_downward_only() -> None:
         ("app.worker", "import pybullet as p", "only sim.bullet may"),
         ("app.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
         (
-            "study.export",
+            "study.export.export",
             "from sqlalchemy import select",
             "imports sqlalchemy: only study.store.",
         ),
-        ("study.export", "from study.store.tables import RECORDS", "imports study.store.tables: what others may use"),
+        (
+            "study.export.export",
+            "from study.store.tables import RECORDS",
+            "imports study.store.tables: what others may use",
+        ),
         ("app.lab", "from study.store import database", "imports study.store.database: what others may use"),
         ("study.flow.protocol", "import time", "pure code is given now_s"),
         ("sim.ik", "from scipy.optimize import minimize", "(pure) imports scipy"),

@@ -16,7 +16,7 @@ import pytest
 
 from app.__main__ import _listen, main
 from app.config import LabConfig, public_url
-from study.export import read_table
+from study.export.export import read_table
 from study.store import open_store
 from tests.lab_server import ROOT, LabDidNotStart, LabServer
 from tests.study_samples import UTC, shipped_study

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from study.definition.study import parse_study
-from study.export import ExportError, export, export_zip, read_meta, read_table, write_tables
+from study.export.export import ExportError, export, export_zip, read_meta, read_table, write_tables
 from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns
 from study.store import Store, open_store

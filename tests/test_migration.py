@@ -21,7 +21,7 @@ from alembic.script import ScriptDirectory
 
 from study.analysis.analysis import analyse
 from study.analysis.dataset import load
-from study.export import export, read_meta, read_table
+from study.export.export import export, read_meta, read_table
 from study.records import TABLES
 from study.store import StoreError, migration, open_store
 from study.store.tables import METADATA

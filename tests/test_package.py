@@ -13,7 +13,7 @@ import pytest
 from frictionless import Package, Report, validate
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.export import export, write_tables
+from study.export.export import export, write_tables
 from study.records import KEYS, TABLES, columns
 from study.store import open_store
 from tests.study_samples import answer_row, shipped_study, task_row, tick_row, trial_row
@@ -160,7 +160,7 @@ def test_what_was_asked_comes_along_with_anchors_and_scoring(package: Path) -> N
 
 
 def test_a_table_longer_than_a_batch_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("study.export._BATCH_ROWS", 3)
+    monkeypatch.setattr("study.export.export._BATCH_ROWS", 3)
     rows = [tick_row("P001", n, started_utc="2026-01-01T10:00:00Z") for n in range(8)]
     write_tables(tmp_path, {"ticks": rows, "trials": [trial_row("P001")], "tasks": [task_row("P001", 1)]})
     packed = pd.read_parquet(tmp_path / "ticks.parquet")

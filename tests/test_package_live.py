@@ -13,7 +13,7 @@ import pytest
 from frictionless import validate
 
 from app.bots import run_bot
-from study.export import read_table
+from study.export.export import read_table
 from tests import lab_server
 from tests.wire_client import SHORT, invite, visit, write_study
 

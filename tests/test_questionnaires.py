@@ -18,7 +18,7 @@ from study.analysis.method_text import methods
 from study.definition.questionnaires import own_instruments
 from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
 from study.definition.toml_reader import parse_toml
-from study.export import write_tables
+from study.export.export import write_tables
 from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
 from study.flow.protocol import Session
 from tests.analysis_samples import data_set

@@ -18,7 +18,7 @@ from app.config import LabError
 from app.simulate import Plan, make_plan, run_jobs, simulate
 from app.variants import changed_study, fitted_population, open_study, preset_changes
 from study.definition.study import orders
-from study.export import read_meta, read_table
+from study.export.export import read_meta, read_table
 from study.records import TABLES
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -19,7 +19,7 @@ from app.pilot import Pilot
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, load_study
-from study.export import export, read_table
+from study.export.export import export, read_table
 from study.store import open_store
 from tests.browser_person import BrowserPerson
 from tests.lab_server import LabServer

@@ -13,7 +13,7 @@ from app.__main__ import main
 from app.planning import study_setup
 from app.variants import fitted, open_study
 from study.definition.study import DEFAULT_STUDY
-from study.export import read_meta, read_table
+from study.export.export import read_meta, read_table
 from study.flow.overview import expected_minutes, overview
 from study.store import open_store
 from tests.study_samples import shipped_study

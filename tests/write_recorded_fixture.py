@@ -18,7 +18,7 @@ from contextlib import closing
 from pathlib import Path
 
 from app.bots import run_bot
-from study.export import export_zip
+from study.export.export import export_zip
 from study.store import open_store
 from tests import lab_server
 from tests.lab_server import LabServer

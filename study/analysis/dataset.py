@@ -1,7 +1,7 @@
 """What the analysis reads of an export: completed trials measured, surveys scored, and how good the data are.
 
-Everything but `ticks.csv` is read by `study.export.read_table`. A thousand trials are a third of a gigabyte of ticks,
-so of those only the columns the measures need are read, a block at a time.
+Everything but `ticks.csv` is read by `study.export.export.read_table`. A thousand trials are a third of a gigabyte of
+ticks, so of those only the columns the measures need are read, a block at a time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from study.analysis.summaries import conditions_of
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
-from study.export import read_meta, read_table
+from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
 from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
 

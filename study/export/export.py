@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
-from study.package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
+from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
 
 if TYPE_CHECKING:  # simulated studies are exported too, and need no database
