@@ -1,4 +1,4 @@
-"""The command line `salab`, and the composition root: what is put together stands here and in `app.parts`."""
+"""The command line `salab`, and the composition root: what is put together stands here and in `app.trial.robots`."""
 
 from __future__ import annotations
 

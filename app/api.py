@@ -28,7 +28,7 @@ from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
 from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
-from app.planning import StudySetup
+from app.trial.setup import StudySetup
 from study.export.export import export_zip
 from study.flow.protocol import allowed
 from study.store import Kind, StoredSession

@@ -42,7 +42,7 @@ from app.messages import (
     World,
 )
 from app.pilot import Pilot, Sight
-from app.trial import OperatorInput
+from app.trial.engine import OperatorInput
 from study.flow.eligibility import USER_AGENTS
 from study.flow.protocol import TERMINAL
 

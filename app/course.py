@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from app import pages
-from app.cycles import cycle_from_json
 from app.stage import Stage
-from app.trial_values import CycleStart
+from app.trial.cycles import cycle_from_json
+from app.trial.values import CycleStart
 from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study.definition.study import reading
 from study.flow import protocol

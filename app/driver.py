@@ -27,7 +27,7 @@ import numpy as np
 
 from app.participants import Traits
 from app.pilot import Sight
-from app.trial_values import NO_INPUT, Direction, OperatorInput
+from app.trial.values import NO_INPUT, Direction, OperatorInput
 from sim.interface import TICK_S
 
 Point = tuple[float, float, float]

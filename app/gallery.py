@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from app.trial import TrialEngine
+from app.trial.engine import TrialEngine
 
 if TYPE_CHECKING:
     from sim.spectator import SpectatorView

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from app.trial_values import Direction, OperatorInput
+from app.trial.values import Direction, OperatorInput
 from app.worker_messages import Hands
 
 

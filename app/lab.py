@@ -14,13 +14,13 @@ from typing import Any, Literal
 from app.acts import Command, Remark
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
-from app.cycles import cycle_from_json
-from app.planning import StudySetup, study_setup
 from app.recent import KEPT_EVENTS
 from app.reporter import Reporter
 from app.session import LiveSession
 from app.surroundings import Enrolment, Resumed, Surroundings
-from app.trial import CycleStart, inputs_of
+from app.trial.cycles import cycle_from_json
+from app.trial.engine import CycleStart, inputs_of
+from app.trial.setup import StudySetup, study_setup
 from app.variants import open_study, parse_text
 from app.words import apart
 from app.worker_messages import Pace, WorkerReport, WorkerSpec

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.messages import Instruction, Page, Tick
-from app.outcomes import Verdict
-from app.trial_values import TickResult, TrialView
+from app.trial.values import TickResult, TrialView
+from app.trial.verdicts import Verdict
 from sim import views
 from study.definition.study import Study
 from study.flow.answers import describe

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from app.trial_values import Direction, OperatorInput
+from app.trial.values import Direction, OperatorInput
 
 Point = tuple[float, float, float]
 

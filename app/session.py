@@ -32,8 +32,8 @@ from app.round_trips import RoundTrips
 from app.stage import Stage
 from app.submissions import Submissions
 from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
-from app.trial import TrialView
-from app.trial_values import TrialSetup
+from app.trial.engine import TrialView
+from app.trial.values import TrialSetup
 from app.words import apart
 from app.worker_link import WorkerLink
 from app.worker_messages import Hands, WorkerReport

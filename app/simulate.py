@@ -27,9 +27,9 @@ import numpy as np
 from app.config import LabError
 from app.console import ProgressBar
 from app.participants import Population
-from app.parts import ROBOTS, make_robot
-from app.planning import StudySetup, study_setup
 from app.simulation import Case, Record, simulate_participant
+from app.trial.robots import ROBOTS, make_robot
+from app.trial.setup import StudySetup, study_setup
 from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
 from study.definition.study import Study, orders
 from study.export.export import write_tables

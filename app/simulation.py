@@ -16,10 +16,10 @@ from app.driver import Driver, ticks_of
 from app.opinions import Experience, comprehension_answers, demographic_answers, survey_answers
 from app.participants import Population, Traits, draw_traits, stream
 from app.pilot import Sight
-from app.planning import StudySetup
 from app.steps import STEPS, StepContext
-from app.trial import TrialEngine
-from app.trial_values import OperatorInput, TickResult, TrialView
+from app.trial.engine import TrialEngine
+from app.trial.setup import StudySetup
+from app.trial.values import OperatorInput, TickResult, TrialView
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
 from study.flow import protocol

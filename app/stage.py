@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 from app import pages
 from app.audience import Audience
-from app.cycles import cycle_to_json
 from app.messages import Instruction, Status
 from app.onlookers import Onlookers
 from app.pages import PageContext
@@ -17,7 +16,8 @@ from app.phase import Phase
 from app.recent import Recent
 from app.round_trips import RoundTrips
 from app.surroundings import Enrolment, Surroundings, Vitals
-from app.trial import CycleStart
+from app.trial.cycles import cycle_to_json
+from app.trial.engine import CycleStart
 from app.words import Private
 from app.worker_link import WorkerLink
 from study.flow.distractor import DistractorState

@@ -61,7 +61,7 @@ def _new(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from app.planning import calibration_text, study_setup
+    from app.trial.setup import calibration_text, study_setup
     from app.variants import open_study
     from study.definition.study import StudyFileError
     from study.flow.overview import overview

@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING
 from app.gallery import Gallery
 from app.hands import HandsLatch
 from app.loop import Deadline, Pacer
-from app.outcomes import release_points
-from app.parts import make_robot, make_scene, make_spectator_view
-from app.trial import TrialEngine
-from app.trial_values import OperatorInput, TickResult
+from app.trial.engine import TrialEngine
+from app.trial.robots import make_robot, make_scene, make_spectator_view
+from app.trial.values import OperatorInput, TickResult
+from app.trial.verdicts import release_points
 from app.worker_messages import (
     Begin,
     Failed,

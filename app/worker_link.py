@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 
 from app.surroundings import Surroundings, WorkerHandle
-from app.trial_values import TrialSetup
+from app.trial.values import TrialSetup
 from app.worker_messages import WorkerCommand, WorkerReport
 from study.flow.protocol import WorkerKind
 

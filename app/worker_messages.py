@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from app.trial_values import CycleStart, OperatorInput, TickResult, TrialSetup, TrialView
+from app.trial.values import CycleStart, OperatorInput, TickResult, TrialSetup, TrialView
 from sim.interface import GripperState, Vector3
 
 RobotName = Literal["bullet", "kinematic"]

@@ -17,11 +17,11 @@ import numpy as np
 from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, choose, evaluate
 from app.autonomy.transition import TransitionModel
-from app.parts import ROBOTS, make_robot
 from app.pilot import Pilot, Sight
-from app.planning import StudySetup, study_setup
-from app.trial import TrialEngine
-from app.trial_values import OperatorInput, TrialSetup
+from app.trial.engine import TrialEngine
+from app.trial.robots import ROBOTS, make_robot
+from app.trial.setup import StudySetup, study_setup
+from app.trial.values import OperatorInput, TrialSetup
 from app.variants import open_study
 from sim.interface import TICK_S
 from study.definition.study import orders, plan_session

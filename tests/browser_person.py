@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from app.pilot import Pilot, Sight
-from app.trial_values import OperatorInput
+from app.trial.values import OperatorInput
 from tests.fake_pad import FakePad
 
 if TYPE_CHECKING:

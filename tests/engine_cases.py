@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
-from app.outcomes import release_points
 from app.pilot import Pilot, Sight
-from app.planning import StudySetup, study_setup
-from app.trial import TrialEngine
-from app.trial_values import (
+from app.trial.engine import TrialEngine
+from app.trial.setup import StudySetup, study_setup
+from app.trial.values import (
     CycleSetup,
     Direction,
     EngineEvent,
@@ -26,6 +25,7 @@ from app.trial_values import (
     TickResult,
     TrialSetup,
 )
+from app.trial.verdicts import release_points
 from sim.interface import (
     SLICE_S,
     SLICES_PER_TICK,

@@ -10,7 +10,7 @@ import pytest
 
 from app.gallery import Gallery
 from app.hands import Direction
-from app.trial import TrialEngine
+from app.trial.engine import TrialEngine
 from app.worker import Worker
 from app.worker_messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from sim.interface import Robot

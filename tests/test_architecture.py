@@ -35,13 +35,13 @@ MODULES = {
         app.sockets app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
-        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial app.trial_values
-        app.progress app.goals app.motion app.outcomes app.hands app.parts app.heatmap app.cycles app.planning
-        app.participants app.driver app.opinions app.simulation app.simulate app.variants app.console app.paper
-        app.fit app.studies app.shares app.replicate app.replication_text app.power app.session app.stage app.course
-        app.submissions app.phase app.worker_link app.audience app.surroundings app.steps app.pages app.pilot
-        app.bots app.recent app.acts app.words app.insight app.gallery app.onlookers app.round_trips app.recruiter
-        app.reporter app.report_job
+        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial.engine
+        app.trial.values app.trial.tasks app.trial.goals app.trial.motion app.trial.verdicts app.hands
+        app.trial.robots app.heatmap app.trial.cycles app.trial.setup app.participants app.driver app.opinions
+        app.simulation app.simulate app.variants app.console app.paper app.fit app.studies app.shares app.replicate
+        app.replication_text app.power app.session app.stage app.course app.submissions app.phase app.worker_link
+        app.audience app.surroundings app.steps app.pages app.pilot app.bots app.recent app.acts app.words
+        app.insight app.gallery app.onlookers app.round_trips app.recruiter app.reporter app.report_job
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props
@@ -214,8 +214,12 @@ def test_imports_run_downward_only() -> None:
     ("module", "source", "complaint"),
     [
         ("sim.ik", "from sim.bullet import BulletRobot", "sim.ik:1 (pure) imports sim.bullet (adapters)"),
-        ("app.trial", "import app.server", "app.trial:1 (engine) imports app.server (edge)"),
-        ("app.trial", "def f():\n    from app import server", "app.trial:2 (engine) imports app.server (edge)"),
+        ("app.trial.engine", "import app.server", "app.trial.engine:1 (engine) imports app.server (edge)"),
+        (
+            "app.trial.engine",
+            "def f():\n    from app import server",
+            "app.trial.engine:2 (engine) imports app.server (edge)",
+        ),
         ("study.store.rows", "from app.lab import Lab", "study.store.rows:1 (adapters) imports app.lab (engine)"),
         ("app.lab", "import importlib\nimportlib.import_module('app.api')", "app.lab:2 (engine) imports app.api"),
         ("study.flow.distractor", "from sim.interface import TICK_S", "study is a room of its own"),

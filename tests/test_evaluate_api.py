@@ -14,7 +14,7 @@ import pytest
 from app.api import EvaluateRequest, evaluate_request
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
-from app.planning import study_setup
+from app.trial.setup import study_setup
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, parse_study

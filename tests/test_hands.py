@@ -7,7 +7,7 @@ from typing import Literal
 import pytest
 
 from app.hands import HandsLatch
-from app.trial_values import Direction, OperatorInput
+from app.trial.values import Direction, OperatorInput
 from app.worker_messages import Hands
 from tests.engine_cases import FORWARD, LEFT
 

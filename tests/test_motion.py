@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS, index_of
 from app.autonomy.transition import TransitionKind, TransitionModel
-from app.motion import motion_segments
+from app.trial.motion import motion_segments
 from sim.interface import SLICES_PER_TICK, TICK_S, MotionSegment, RobotCommand, Vector3
 from sim.kinematic import KinematicRobot
 from sim.layouts import LAYOUTS, practice_scene

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from app.outcomes import (
+from app.trial.verdicts import (
     BIN_MARGIN_M,
     LIFT_M,
     Verdict,

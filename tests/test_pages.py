@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from app.messages import SERVER_MESSAGE, Instruction, Message, Page, Tick
-from app.outcomes import Verdict
 from app.pages import FAILURES, VIEWS, PageContext, instruction, notice, page, tick_message
-from app.trial_values import TickResult, TrialView
+from app.trial.values import TickResult, TrialView
+from app.trial.verdicts import Verdict
 from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study

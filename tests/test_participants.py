@@ -13,7 +13,7 @@ from app.driver import Driver
 from app.opinions import Experience, survey_answers
 from app.participants import TRAITS, Population, Traits, draw_traits, stream
 from app.pilot import Sight
-from app.trial_values import OperatorInput
+from app.trial.values import OperatorInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
 from sim.layouts import LAYOUTS, scene

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.pilot import Pilot, Sight
-from app.trial_values import OperatorInput, RobotTiming
+from app.trial.values import OperatorInput, RobotTiming
 from sim.layouts import LAYOUTS
 from sim.layouts import scene as layout_scene
 from tests.engine_cases import CONDITIONS, PLACEMENT, Person, drive, opened, practice_setup, tasks_of, trial_setup

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from app.autonomy.transition import TransitionModel
-from app.planning import study_setup
-from app.trial_values import RobotTiming
+from app.trial.setup import study_setup
+from app.trial.values import RobotTiming
 from sim.objects import PRACTICE_OBJECT
 from study.definition.study import Study, parse_study, plan_session
 from tests.engine_cases import CONDITIONS, paper_study

@@ -9,10 +9,10 @@ from functools import cache
 import pytest
 
 from app.participants import Population
-from app.planning import StudySetup, study_setup
 from app.simulation import Case, Record, simulate_participant, simulate_trial, simulate_trials
-from app.trial import TrialEngine
-from app.trial_values import inputs_of
+from app.trial.engine import TrialEngine
+from app.trial.setup import StudySetup, study_setup
+from app.trial.values import inputs_of
 from app.variants import Changes, changed_study, open_study
 from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot

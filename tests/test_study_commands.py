@@ -10,7 +10,7 @@ import pytest
 from frictionless import validate
 
 from app.__main__ import main
-from app.planning import study_setup
+from app.trial.setup import study_setup
 from app.variants import fitted, open_study
 from study.definition.study import DEFAULT_STUDY
 from study.export.export import read_meta, read_table

@@ -9,9 +9,9 @@ from itertools import pairwise
 import pytest
 
 from app.autonomy.arbiter import ArbiterParameters
-from app.outcomes import release_points
-from app.trial import TrialEngine
-from app.trial_values import CycleStart, OperatorInput, RobotTiming
+from app.trial.engine import TrialEngine
+from app.trial.values import CycleStart, OperatorInput, RobotTiming
+from app.trial.verdicts import release_points
 from sim.interface import MotionSegment, MotionVerdict, RobotCommand
 from study.records import TickRow
 from tests.engine_cases import (

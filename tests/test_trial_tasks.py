@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from app.trial_values import RobotTiming, TickResult
+from app.trial.values import RobotTiming, TickResult
 from sim.interface import Vector3
 from study.records import TaskRow
 from tests.engine_cases import (

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from app.trial_values import CycleStart, OperatorInput, TickResult, inputs_of
+from app.trial.values import CycleStart, OperatorInput, TickResult, inputs_of
 from app.worker import run as run_worker
 from app.worker_messages import (
     Begin,

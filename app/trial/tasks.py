@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from app.outcomes import Verdict
-from app.trial_values import CycleSetup, TrialSetup
+from app.trial.values import CycleSetup, TrialSetup
+from app.trial.verdicts import Verdict
 from study.records import TaskRow
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from app.trial_values import CycleStart
+from app.trial.values import CycleStart
 from sim.interface import Pose
 
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from app.autonomy.actions import UNIT_DIRECTIONS, index_of, nearest_action
 from app.autonomy.transition import TransitionModel
-from app.trial_values import STILL, Direction
+from app.trial.values import STILL, Direction
 from sim.interface import SLICES_PER_TICK, MotionSegment, Vector3
 
 _UNIT_VECTORS: tuple[Vector3, ...] = tuple((float(x), float(y), float(z)) for x, y, z in UNIT_DIRECTIONS)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from app.autonomy.arbiter import ArbiterParameters
-from app.outcomes import Verdict
+from app.trial.verdicts import Verdict
 from sim.interface import Pose, SceneSpec, Vector3
 from study.records import TaskRow, TickRow
 

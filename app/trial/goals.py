@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.outcomes import release_points
+from app.trial.verdicts import release_points
 from sim.interface import SceneSpec, Vector3, WorldState
 
 Places = tuple[tuple[str, Vector3], ...]

@@ -27,11 +27,10 @@ from typing import Any, Literal
 from app.autonomy.arbiter import choose
 from app.autonomy.belief import Belief
 from app.autonomy.transition import TransitionModel
-from app.goals import Goals, candidates, compact_json
-from app.motion import motion_segments, unit_direction
-from app.outcomes import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
-from app.progress import Progress
-from app.trial_values import (
+from app.trial.goals import Goals, candidates, compact_json
+from app.trial.motion import motion_segments, unit_direction
+from app.trial.tasks import Progress
+from app.trial.values import (
     NO_INPUT,
     STILL,
     CycleStart,
@@ -42,7 +41,8 @@ from app.trial_values import (
     TrialSetup,
     TrialView,
 )
-from app.trial_values import inputs_of as inputs_of
+from app.trial.values import inputs_of as inputs_of
+from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
 from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,

@@ -13,7 +13,7 @@ from app.autonomy.calibration import Calibration, calibrate_alpha
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
 from app.pages import Labels
-from app.trial_values import CycleSetup, RobotTiming, TrialSetup
+from app.trial.values import CycleSetup, RobotTiming, TrialSetup
 from sim.layouts import LAYOUTS, Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from sim.objects import OBJECTS, PRACTICE_OBJECT
