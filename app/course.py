@@ -13,7 +13,7 @@ from app import pages
 from app.stage import Stage
 from app.trial.cycles import cycle_from_json
 from app.trial.values import CycleStart
-from app.worker_messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
+from app.worker.messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study.definition.study import reading
 from study.flow import protocol
 from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker

@@ -23,8 +23,8 @@ from app.trial.engine import CycleStart, inputs_of
 from app.trial.setup import StudySetup, study_setup
 from app.variants import open_study, parse_text
 from app.words import apart
-from app.worker_messages import Pace, WorkerReport, WorkerSpec
-from app.workers import WorkerProcess, warm_up, worker_context
+from app.worker.messages import Pace, WorkerReport, WorkerSpec
+from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
 from study.flow.distractor import from_rows
 from study.flow.open_link import ids_among

@@ -6,8 +6,8 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 
+from app.worker.messages import Spectate
 from app.worker_link import WorkerLink
-from app.worker_messages import Spectate
 
 OPENS_WITHIN_S = 10.0
 LINGERS_S = 5.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 
 from app.messages import World
 from app.trial.engine import TrialView
-from app.worker_messages import Ready, Ticked
+from app.worker.messages import Ready, Ticked
 from sim.interface import TICK_S
 from study.flow.distractor import Alert, DistractorState
 

@@ -2,7 +2,7 @@
 
 Everything that happens comes through one queue and is dealt with one at a time, so there is one order of events and it
 is the order in the log. The only thing that does not queue is the state of the hands: it goes straight to the worker,
-which takes the newest (see `app.hands`).
+which takes the newest (see `app.worker.input_latch`).
 
     page ── submit/note ──►┐                                  ┌──► store (committed first)
     worker ── reports ────►├─► queue ─► one at a time ─► ... ─┼──► worker commands (effects of the protocol)
@@ -35,8 +35,8 @@ from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
 from app.trial.engine import TrialView
 from app.trial.values import TrialSetup
 from app.words import apart
+from app.worker.messages import Hands, WorkerReport
 from app.worker_link import WorkerLink
-from app.worker_messages import Hands, WorkerReport
 from study.flow.protocol import Event, Session
 
 log = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from app.stage import Stage
 from app.steps import STEPS, AlertData, Refused, StepContext, parse
 from app.surroundings import Client
 from app.words import apart
-from app.worker_messages import SetView
+from app.worker.messages import SetView
 from study.flow import protocol
 from study.records import EventRow
 

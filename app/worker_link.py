@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from app.surroundings import Surroundings, WorkerHandle
 from app.trial.values import TrialSetup
-from app.worker_messages import WorkerCommand, WorkerReport
+from app.worker.messages import WorkerCommand, WorkerReport
 from study.flow.protocol import WorkerKind
 
 log = logging.getLogger(__name__)

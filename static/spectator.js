@@ -1,5 +1,5 @@
 // The 3-D view of a session with the experimenter's own camera: there only after it was asked for, from a server of its
-// own, which shows what the participant's never does (app/gallery.py).
+// own, which shows what the participant's never does (app/worker/spectator_view.py).
 
 import { freshId, h, setText, whileBusy } from "./dom.js";
 import { labUrl } from "./root.js";

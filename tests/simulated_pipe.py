@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 import pytest
 
-from app.gallery import Gallery
-from app.hands import Direction
 from app.trial.engine import TrialEngine
-from app.worker import Worker
-from app.worker_messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.input_latch import Direction
+from app.worker.messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.spectator_view import Gallery
+from app.worker.worker import Worker
 from sim.interface import Robot
 
 UNIX_S = 1_700_000_000.0
@@ -86,7 +86,7 @@ def simulate(
     """Everything a worker reports while these commands arrive; the last one must end it."""
     assert any(isinstance(command, Stop) for _, command in schedule)
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
-    monkeypatch.setattr("app.worker.time", pipe)
+    monkeypatch.setattr("app.worker.worker.time", pipe)
     Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene, gallery).serve()  # type: ignore[arg-type]
     return pipe.sent
 

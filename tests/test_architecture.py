@@ -35,13 +35,14 @@ MODULES = {
         app.sockets app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
-        app.config app.auth app.lab app.worker app.workers app.worker_messages app.loop app.trial.engine
-        app.trial.values app.trial.tasks app.trial.goals app.trial.motion app.trial.verdicts app.hands
-        app.trial.robots app.heatmap app.trial.cycles app.trial.setup app.participants app.driver app.opinions
-        app.simulation app.simulate app.variants app.console app.paper app.fit app.studies app.shares app.replicate
-        app.replication_text app.power app.session app.stage app.course app.submissions app.phase app.worker_link
-        app.audience app.surroundings app.steps app.pages app.pilot app.bots app.recent app.acts app.words
-        app.insight app.gallery app.onlookers app.round_trips app.recruiter app.reporter app.report_job
+        app.config app.auth app.lab app.worker.worker app.worker.process app.worker.messages app.worker.pacer
+        app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion app.trial.verdicts
+        app.worker.input_latch app.trial.robots app.heatmap app.trial.cycles app.trial.setup app.participants
+        app.driver app.opinions app.simulation app.simulate app.variants app.console app.paper app.fit app.studies
+        app.shares app.replicate app.replication_text app.power app.session app.stage app.course app.submissions
+        app.phase app.worker_link app.audience app.surroundings app.steps app.pages app.pilot app.bots app.recent
+        app.acts app.words app.insight app.worker.spectator_view app.onlookers app.round_trips app.recruiter
+        app.reporter app.report_job
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props
@@ -227,7 +228,7 @@ def test_imports_run_downward_only() -> None:
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a room of its own"),
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
         ("app.lab", "import fastapi", "app.lab:1 imports fastapi: only"),
-        ("app.worker", "import pybullet as p", "only sim.bullet may"),
+        ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
         ("app.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
         (
             "study.export.export",
@@ -278,7 +279,7 @@ def test_every_pure_module_is_checked_strictly() -> None:
 
 @pytest.mark.parametrize(
     "module",
-    sorted({m for m in project_sources() if LAYER_OF.get(m) == "edge"} | {"app.lab", "app.workers"}),
+    sorted({m for m in project_sources() if LAYER_OF.get(m) == "edge"} | {"app.lab", "app.worker.process"}),
 )
 def test_the_web_process_loads_neither_physics_nor_scene(module: str) -> None:
     """Native code that crashes must be able to take a worker with it, never the server."""

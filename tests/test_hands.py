@@ -6,9 +6,9 @@ from typing import Literal
 
 import pytest
 
-from app.hands import HandsLatch
 from app.trial.values import Direction, OperatorInput
-from app.worker_messages import Hands
+from app.worker.input_latch import HandsLatch
+from app.worker.messages import Hands
 from tests.engine_cases import FORWARD, LEFT
 
 NOW_S = 100.0

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from app.loop import OVERRUN_S, Deadline, Pacer
+from app.worker.pacer import OVERRUN_S, Deadline, Pacer
 
 PERIOD_S = 0.5
 

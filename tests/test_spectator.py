@@ -18,9 +18,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from app.bots import enter
-from app.gallery import EVERY_SLICES, Gallery
 from app.onlookers import Onlookers
-from app.worker_messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
+from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
+from app.worker.spectator_view import EVERY_SLICES, Gallery
 from sim.assets import simple_look
 from sim.interface import SLICES_PER_TICK
 from sim.kinematic import KinematicRobot

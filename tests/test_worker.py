@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 
 from app.trial.values import CycleStart, OperatorInput, TickResult, inputs_of
-from app.worker import run as run_worker
-from app.worker_messages import (
+from app.worker.messages import (
     Begin,
     Failed,
     Hands,
@@ -27,6 +26,7 @@ from app.worker_messages import (
     WorkerCommand,
     WorkerSpec,
 )
+from app.worker.worker import run as run_worker
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 from sim.kinematic import KinematicRobot
 from tests.engine_cases import (
@@ -394,9 +394,9 @@ class Pipe(SimulatedPipe):
 
 def run_in_place(monkeypatch: pytest.MonkeyPatch, pipe: Pipe, robot: StagedRobot) -> None:
     """The entry point, without a process of its own."""
-    monkeypatch.setattr("app.worker.time", pipe)
-    monkeypatch.setattr("app.worker.signal.signal", lambda number, action: None)
-    monkeypatch.setattr("app.worker.make_robot", lambda name: robot)
+    monkeypatch.setattr("app.worker.worker.time", pipe)
+    monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
+    monkeypatch.setattr("app.worker.worker.make_robot", lambda name: robot)
     run_worker(pipe, spec("lockstep"))  # type: ignore[arg-type]
 
 
@@ -420,7 +420,7 @@ def test_a_robot_that_breaks_is_reported_and_let_go_of(monkeypatch: pytest.Monke
 
 def test_a_robot_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = Pipe([(0.0, Stop())])
-    monkeypatch.setattr("app.worker.signal.signal", lambda number, action: None)
+    monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
     with pytest.raises(RuntimeError):
         run_worker(pipe, replace(spec(), robot="steam"))  # type: ignore[arg-type]
     (failed,) = of(pipe.sent, Failed)

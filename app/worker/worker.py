@@ -23,14 +23,12 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from app.gallery import Gallery
-from app.hands import HandsLatch
-from app.loop import Deadline, Pacer
 from app.trial.engine import TrialEngine
 from app.trial.robots import make_robot, make_scene, make_spectator_view
 from app.trial.values import OperatorInput, TickResult
 from app.trial.verdicts import release_points
-from app.worker_messages import (
+from app.worker.input_latch import HandsLatch
+from app.worker.messages import (
     Begin,
     Failed,
     Hands,
@@ -46,6 +44,8 @@ from app.worker_messages import (
     WorkerCommand,
     WorkerSpec,
 )
+from app.worker.pacer import Deadline, Pacer
+from app.worker.spectator_view import Gallery
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 
 if TYPE_CHECKING:

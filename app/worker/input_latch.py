@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Literal
 
 from app.trial.values import Direction, OperatorInput
-from app.worker_messages import Hands
+from app.worker.messages import Hands
 
 
 class HandsLatch:

@@ -18,7 +18,7 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
-from app.worker_messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
@@ -28,7 +28,12 @@ def worker_context(robot: str) -> ForkServerContext:
     """The fork server that workers come from. Call before the process has threads."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     context = multiprocessing.get_context("forkserver")
-    preload = ["app.worker", "sim.scene", "sim.spectator", "sim.bullet" if robot == "bullet" else "sim.kinematic"]
+    preload = [
+        "app.worker.worker",
+        "sim.scene",
+        "sim.spectator",
+        "sim.bullet" if robot == "bullet" else "sim.kinematic",
+    ]
     context.set_forkserver_preload(preload)
     return context
 
@@ -45,7 +50,7 @@ def _nothing() -> None:
 
 
 def _entry(connection: Connection, spec: WorkerSpec) -> None:
-    from app.worker import run
+    from app.worker.worker import run
 
     run(connection, spec)
 
