@@ -21,13 +21,13 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
-from app.acts import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.auth import Attempts
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
 from app.lab import Lab, NoSuchParticipant
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
+from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.trial.setup import StudySetup
 from study.export.export import export_zip
 from study.flow.protocol import allowed

@@ -14,7 +14,7 @@ from fastapi.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.lab import Lab
-from app.surroundings import Role
+from app.session.interfaces import Role
 
 COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}
 """One each: on one machine the path of the panel is below that of the participant's page."""

@@ -11,18 +11,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.acts import Command, Remark
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
-from app.recent import KEPT_EVENTS
 from app.reporter import Reporter
-from app.session import LiveSession
-from app.surroundings import Enrolment, Resumed, Surroundings
+from app.session.commands import Command, Remark
+from app.session.history import KEPT_EVENTS
+from app.session.interfaces import Enrolment, Resumed, Surroundings
+from app.session.private_text import apart
+from app.session.session import LiveSession
 from app.trial.cycles import cycle_from_json
 from app.trial.engine import CycleStart, inputs_of
 from app.trial.setup import StudySetup, study_setup
 from app.variants import open_study, parse_text
-from app.words import apart
 from app.worker.messages import Pace, WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
@@ -302,14 +302,14 @@ class Lab:
     async def command(self, participant: str, command: Command, by: str) -> LiveSession:
         """Something an experimenter does with a session.
 
-        Raises `NoSuchParticipant`, and `app.acts.NotNow` when the session has moved on.
+        Raises `NoSuchParticipant`, and `app.session.commands.NotNow` when the session has moved on.
         """
         session = await self.session(await self.stored_session(participant))
         await session.command(command, by)
         return session
 
     async def remark(self, participant: str, remark: Remark, by: str) -> LiveSession:
-        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.acts.NotNow`."""
+        """An experimenter's note, mark or message. Raises `NoSuchParticipant` and `app.session.commands.NotNow`."""
         session = await self.session(await self.stored_session(participant))
         await session.remark(remark, by)
         return session

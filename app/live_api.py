@@ -23,16 +23,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from app.acts import NotNow, Remark, RemarkName
 from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
 from app.auth import Attempts
-from app.insight import Plane, PlaneKind, Thought, plane_of, thought_of
 from app.lab import Lab, NoSuchParticipant
-from app.pages import instruction
-from app.recent import KEPT_EVENTS
-from app.session import LiveSession
+from app.session.commands import NotNow, Remark, RemarkName
+from app.session.explanation import Plane, PlaneKind, Thought, plane_of, thought_of
+from app.session.history import KEPT_EVENTS
+from app.session.pages import instruction
+from app.session.private_text import with_words
+from app.session.session import LiveSession
 from app.sockets import HELLO_WITHIN_S, Places, same_origin
-from app.words import with_words
 from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession

@@ -148,7 +148,7 @@ class Welcome(Message):
 
 
 class Page(Message):
-    """What the participant should see now. `content` holds what that state needs (see `app.pages`)."""
+    """What the participant should see now. `content` holds what that state needs (see `app.session.pages`)."""
 
     type: Literal["page"] = "page"
     state: str

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.acts import NotNow
 from app.report_job import WORK_PREFIX
+from app.session.commands import NotNow
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = "report"

@@ -10,9 +10,9 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.acts import Command, NotNow
 from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.lab import Lab, NoSuchParticipant
+from app.session.commands import Command, NotNow
 from study.flow import roster
 from study.flow.open_link import open_link
 from study.flow.roster import ACTS, Act, Enrolled

@@ -26,8 +26,8 @@ from app.live_api import add_live
 from app.results_api import add_results_api
 from app.roster_api import add_roster_api
 from app.scene_proxy import proxy_scene, scene_page_response
-from app.session import LiveSession
-from app.surroundings import Role
+from app.session.interfaces import Role
+from app.session.session import LiveSession
 
 STATIC = Path(__file__).resolve().parent.parent / "static"
 MAX_BODY_BYTES = 1_000_000

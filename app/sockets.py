@@ -16,8 +16,8 @@ from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
 from app.messages import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
-from app.session import LiveSession
-from app.surroundings import Role
+from app.session.interfaces import Role
+from app.session.session import LiveSession
 
 HELLO_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 2.0
@@ -26,7 +26,7 @@ MAX_QUEUED = 1000
 
 
 class SocketClient:
-    """A connected page, as `app.session.Client` wants it."""
+    """A connected page, as `app.session.session.Client` wants it."""
 
     def __init__(self, websocket: WebSocket, role: Role, hello: Hello) -> None:
         self.role: Role = role

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.acts import ACTS
+from app.session.commands import ACTS
 from sim.views import VIEWS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.flow.protocol import TERMINAL

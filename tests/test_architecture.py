@@ -39,10 +39,12 @@ MODULES = {
         app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion app.trial.verdicts
         app.worker.input_latch app.trial.robots app.heatmap app.trial.cycles app.trial.setup app.participants
         app.driver app.opinions app.simulation app.simulate app.variants app.console app.paper app.fit app.studies
-        app.shares app.replicate app.replication_text app.power app.session app.stage app.course app.submissions
-        app.phase app.worker_link app.audience app.surroundings app.steps app.pages app.pilot app.bots app.recent
-        app.acts app.words app.insight app.worker.spectator_view app.onlookers app.round_trips app.recruiter
-        app.reporter app.report_job
+        app.shares app.replicate app.replication_text app.power app.session.session app.session.context
+        app.session.transitions app.session.submissions app.session.running_trial app.session.worker_link
+        app.session.connections app.session.interfaces app.steps app.session.pages app.pilot app.bots
+        app.session.history app.session.commands app.session.private_text app.session.explanation
+        app.worker.spectator_view app.session.spectators app.session.round_trips app.recruiter app.reporter
+        app.report_job
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from app.messages import Ping, Pong
-from app.round_trips import LOST_AFTER_S, RoundTrips
+from app.session.round_trips import LOST_AFTER_S, RoundTrips
 from app.steps import STEPS, Refused, StepContext
 from study.definition.sections import Eligibility
 from study.flow.eligibility import (

@@ -10,7 +10,7 @@ import pytest
 
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import evaluate
-from app.insight import plane_of, scores_of, thought_of
+from app.session.explanation import plane_of, scores_of, thought_of
 from tests.engine_cases import FORWARD, HANDS_OFF, LEFT, opened, paper_study, push, rows_of, run, trial_setup
 
 LABELS = paper_study().labels()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.messages import SERVER_MESSAGE, Instruction, Message, Page, Tick
-from app.pages import FAILURES, VIEWS, PageContext, instruction, notice, page, tick_message
+from app.session.pages import FAILURES, VIEWS, PageContext, instruction, notice, page, tick_message
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
 from sim import views

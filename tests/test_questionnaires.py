@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from app.opinions import Experience, survey_answers
-from app.pages import PageContext, page
 from app.participants import Population, draw_traits
+from app.session.pages import PageContext, page
 from study.analysis.analysis import analyse
 from study.analysis.dataset import load as load_data
 from study.analysis.method_text import methods

@@ -18,7 +18,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from app.bots import enter
-from app.onlookers import Onlookers
+from app.session.spectators import Onlookers
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
 from app.worker.spectator_view import EVERY_SLICES, Gallery
 from sim.assets import simple_look

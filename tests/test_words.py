@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from app.words import apart, with_words
+from app.session.private_text import apart, with_words
 from study.records import EventRow
 
 

@@ -32,7 +32,7 @@ from app.messages import (
     Tick,
     Welcome,
 )
-from app.words import with_words
+from app.session.private_text import with_words
 from study.store import Store, open_store
 from tests.lab_server import ROOT, LabServer
 

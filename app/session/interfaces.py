@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 from app.config import LabConfig
 from app.messages import Message
-from app.pages import Labels
+from app.session.pages import Labels
 from app.worker.messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
 from study.flow.distractor import DistractorState

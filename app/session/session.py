@@ -8,8 +8,8 @@ which takes the newest (see `app.worker.input_latch`).
     worker ── reports ────►├─► queue ─► one at a time ─► ... ─┼──► worker commands (effects of the protocol)
     experimenter ─────────►┘                                  └──► pages (after the commit)
 
-`app.stage` is what the parts share, `app.course` moves the session on, `app.submissions` takes what the pages hand in,
-`app.worker_link` is the line to the worker. Here are the queue, the connections, the hands and the experimenter.
+`context` is what the parts share, `transitions` moves the session on, `submissions` takes what the pages hand in,
+`worker_link` is the line to the worker. Here are the queue, the connections, the hands and the experimenter.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app import pages
-from app.acts import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
-from app.audience import Audience, panel_page, refuse
-from app.course import Course
 from app.messages import Heartbeat, Input, Message, Pong
-from app.onlookers import Onlookers
-from app.phase import Phase
-from app.recent import Recent
-from app.round_trips import RoundTrips
-from app.stage import Stage
-from app.submissions import Submissions
-from app.surroundings import Client, Enrolment, Resumed, Surroundings, Vitals
+from app.session import pages
+from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
+from app.session.connections import Audience, panel_page, refuse
+from app.session.context import Stage
+from app.session.history import Recent
+from app.session.interfaces import Client, Enrolment, Resumed, Surroundings, Vitals
+from app.session.private_text import apart
+from app.session.round_trips import RoundTrips
+from app.session.running_trial import Phase
+from app.session.spectators import Onlookers
+from app.session.submissions import Submissions
+from app.session.transitions import Course
+from app.session.worker_link import WorkerLink
 from app.trial.engine import TrialView
 from app.trial.values import TrialSetup
-from app.words import apart
 from app.worker.messages import Hands, WorkerReport
-from app.worker_link import WorkerLink
 from study.flow.protocol import Event, Session
 
 log = logging.getLogger(__name__)
@@ -116,11 +116,11 @@ class LiveSession:
             self._queue.put_nowait(_Work("message", message, client))
 
     async def command(self, command: Command, by: str) -> None:
-        """Something an experimenter does with the session. Raises `app.acts.NotNow`."""
+        """Something an experimenter does with the session. Raises `app.session.commands.NotNow`."""
         await self._done(_Work("command", (command, by)))
 
     async def remark(self, remark: Remark, by: str) -> None:
-        """Something an experimenter says about the session or to its participant. Raises `app.acts.NotNow`."""
+        """Something an experimenter says about the session or to its participant. Raises `NotNow`."""
         await self._done(_Work("remark", (remark, by)))
 
     def probe(self) -> None:

@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Callable
 
 from app.messages import Ping, Pong
-from app.surroundings import Client
+from app.session.interfaces import Client
 
 LOST_AFTER_S = 5.0
 """A ping of a measurement without an answer for this long is sent again."""

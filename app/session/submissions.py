@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from app import pages
-from app.audience import acknowledge, refuse
-from app.course import Course
 from app.messages import Message, Note, Submit, View
-from app.stage import Stage
+from app.session import pages
+from app.session.connections import acknowledge, refuse
+from app.session.context import Stage
+from app.session.interfaces import Client
+from app.session.private_text import apart
+from app.session.transitions import Course
 from app.steps import STEPS, AlertData, Refused, StepContext, parse
-from app.surroundings import Client
-from app.words import apart
 from app.worker.messages import SetView
 from study.flow import protocol
 from study.records import EventRow

@@ -7,19 +7,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from app import pages
-from app.audience import Audience
 from app.messages import Instruction, Status
-from app.onlookers import Onlookers
-from app.pages import PageContext
-from app.phase import Phase
-from app.recent import Recent
-from app.round_trips import RoundTrips
-from app.surroundings import Enrolment, Surroundings, Vitals
+from app.session import pages
+from app.session.connections import Audience
+from app.session.history import Recent
+from app.session.interfaces import Enrolment, Surroundings, Vitals
+from app.session.pages import PageContext
+from app.session.private_text import Private
+from app.session.round_trips import RoundTrips
+from app.session.running_trial import Phase
+from app.session.spectators import Onlookers
+from app.session.worker_link import WorkerLink
 from app.trial.cycles import cycle_to_json
 from app.trial.engine import CycleStart
-from app.words import Private
-from app.worker_link import WorkerLink
 from study.flow.distractor import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
 from study.flow.protocol import Session
@@ -31,7 +31,7 @@ Source = Literal["participant", "experimenter", "lab", "robot"]
 
 @dataclass
 class Stage:
-    """One session, to the parts that act on it (`app.session` says who does what).
+    """One session, to the parts that act on it (`app.session.session` says who does what).
 
     `noticed` is what was measured during a trial and not written yet: it goes to disk with the next tick.
     `lacking` is what the last check of the device found wanting. `last_seq` numbers the last input taken. `panel_link`
@@ -69,7 +69,8 @@ class Stage:
         """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
 
         `submission` is the message that caused it, `response` what a resend of the same message is answered with.
-        `private` are words that no export holds (see `app.words`), `practice` is what a `cycle` belongs to.
+        `private` are words that no export holds (see `app.session.private_text`), `practice` is what a `cycle`
+        belongs to.
         """
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.phase.distractor
         condition = self.enrolment.plan.trial(trial).condition

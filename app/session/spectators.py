@@ -6,8 +6,8 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 
+from app.session.worker_link import WorkerLink
 from app.worker.messages import Spectate
-from app.worker_link import WorkerLink
 
 OPENS_WITHIN_S = 10.0
 LINGERS_S = 5.0

@@ -1,7 +1,7 @@
 """What an experimenter can do with a session or say about it: which acts there are, when, and why not.
 
 Commands become events of the protocol, remarks only stand in the record. Both are events with who and when; their
-words are kept apart (`app.words`).
+words are kept apart (`app.session.private_text`).
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from app.surroundings import Surroundings, WorkerHandle
+from app.session.interfaces import Surroundings, WorkerHandle
 from app.trial.values import TrialSetup
 from app.worker.messages import WorkerCommand, WorkerReport
 from study.flow.protocol import WorkerKind

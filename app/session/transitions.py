@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Literal
 
-from app import pages
-from app.stage import Stage
+from app.session import pages
+from app.session.context import Stage
 from app.trial.cycles import cycle_from_json
 from app.trial.values import CycleStart
 from app.worker.messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
