@@ -261,7 +261,7 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _erase(options: argparse.Namespace) -> None:
-    from app import reporter
+    from app.report import process as reporter
     from study.store import open_store
 
     with open_store(options.data, exclusive=True, must_exist=True) as store:
@@ -290,7 +290,7 @@ def _fit(options: argparse.Namespace) -> None:
 
 
 def _analyze(options: argparse.Namespace) -> None:
-    from app.heatmap import heatmap_of
+    from app.report.figure2 import heatmap_of
     from study.analysis.analysis import analyse
     from study.analysis.dataset import load
     from study.analysis.report import claim, write_report

@@ -15,7 +15,7 @@ from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.auth import desk_key, same_token
 from app.entrance import prefix
 from app.lab import Lab
-from app.reporter import PAGE
+from app.report.process import PAGE
 from app.scene_proxy import proxy_scene, scene_page_response
 from app.sockets import Places, same_origin
 

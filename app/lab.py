@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
-from app.reporter import Reporter
+from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.history import KEPT_EVENTS
 from app.session.interfaces import Enrolment, Resumed, Surroundings

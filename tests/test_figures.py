@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.heatmap import fig2_heatmap, heatmap_of
+from app.report.figure2 import fig2_heatmap, heatmap_of
 from study.analysis.analysis import Analysis, analyse
 from study.analysis.dataset import load
 from study.analysis.figures import Picture, draw_all, looks, objective_figure, stars

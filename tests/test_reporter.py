@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 
-from app.report_job import STEPS, WORK_PREFIX, make_report, sentence
-from app.reporter import PAGE, Reporter
+from app.report.job import STEPS, WORK_PREFIX, make_report, sentence
+from app.report.process import PAGE, Reporter
 from app.session.commands import NotNow
 from study.analysis.report import PAGE_NAME
 from study.store import open_store

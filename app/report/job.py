@@ -1,4 +1,4 @@
-"""`python -m app.report_job DATA OUT`: the report of the data so far, made in a process of its own for a running lab.
+"""`python -m app.report.job DATA OUT`: the report of the data so far, made in a process of its own for a running lab.
 
 It reads the database beside the lab, at low priority, and says on stdout how far it is, a JSON object a line:
 
@@ -48,7 +48,7 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
                 export(store, package)
             step(2)
             # Imported when there is something to compute: they load the statistics and the plotting.
-            from app.heatmap import heatmap_of
+            from app.report.figure2 import heatmap_of
             from study.analysis.analysis import analyse
             from study.analysis.dataset import load
             from study.analysis.figures import draw_all

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.report_job import WORK_PREFIX
+from app.report.job import WORK_PREFIX
 from app.session.commands import NotNow
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 FOLDER = "report"
 PAGE = "report.html"
 """As `study.analysis.report` names it, which is not imported here: it loads the statistics and the plotting."""
@@ -78,7 +78,7 @@ class Reporter:
         await asyncio.to_thread(remove, self._data_dir)
 
     async def _make(self) -> None:
-        arguments = (sys.executable, "-m", "app.report_job", str(self._data_dir.resolve()), str(self.folder.resolve()))
+        arguments = (sys.executable, "-m", "app.report.job", str(self._data_dir.resolve()), str(self.folder.resolve()))
         process = await asyncio.create_subprocess_exec(
             *arguments,
             cwd=ROOT,
