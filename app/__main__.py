@@ -158,7 +158,7 @@ def _port(text: str) -> int:
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from app.lab import Lab
+    from app.lab.lab import Lab
 
     config = LabConfig(
         data_dir=options.data,

@@ -21,11 +21,11 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.background import BackgroundTask
 
-from app.auth import Attempts
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
-from app.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant
+from app.lab.tokens import Attempts
 from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.trial.setup import StudySetup

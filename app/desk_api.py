@@ -12,9 +12,9 @@ from fastapi import APIRouter, FastAPI, Request, Response, WebSocket
 from fastapi.responses import FileResponse, JSONResponse
 
 from app.api import Experimenter, ExperimenterRoute, TheLab
-from app.auth import desk_key, same_token
 from app.entrance import prefix
-from app.lab import Lab
+from app.lab.lab import Lab
+from app.lab.tokens import desk_key, same_token
 from app.report.process import PAGE
 from app.scene_proxy import proxy_scene, scene_page_response
 from app.sockets import Places, same_origin

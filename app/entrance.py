@@ -13,7 +13,7 @@ from fastapi import Request
 from fastapi.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.lab import Lab
+from app.lab.lab import Lab
 from app.session.interfaces import Role
 
 COOKIES: Mapping[Role, str] = {"participant": "salab", "panel": "salab_panel"}

@@ -11,10 +11,10 @@ from fastapi import APIRouter, FastAPI, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.api import TheLab
-from app.auth import Attempts, new_token
 from app.entrance import COOKIES, place_of, prefix, set_cookie
-from app.lab import Lab
-from app.recruiter import Offer, Recruiter, cookie_name
+from app.lab.lab import Lab
+from app.lab.open_enrolment import Offer, Recruiter, cookie_name
+from app.lab.tokens import Attempts, new_token
 from app.sockets import same_origin
 from study.flow.open_link import filled
 

@@ -24,8 +24,8 @@ from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisco
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
-from app.auth import Attempts
-from app.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant
+from app.lab.tokens import Attempts
 from app.session.commands import NotNow, Remark, RemarkName
 from app.session.explanation import Plane, PlaneKind, Thought, plane_of, thought_of
 from app.session.history import KEPT_EVENTS

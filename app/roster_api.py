@@ -11,7 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.api import Experimenter, ExperimenterRoute, TheLab
-from app.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
 from study.flow import roster
 from study.flow.open_link import open_link

@@ -21,7 +21,7 @@ from app.config import LabError
 from app.desk_api import add_desk
 from app.entrance import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.join_api import STATUS, add_join, look
-from app.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant
 from app.live_api import add_live
 from app.results_api import add_results_api
 from app.roster_api import add_roster_api

@@ -35,16 +35,16 @@ MODULES = {
         app.sockets app.scene_proxy app.entrance app.join_api
     """,
     "engine": """
-        app.config app.auth app.lab app.worker.worker app.worker.process app.worker.messages app.worker.pacer
-        app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion app.trial.verdicts
-        app.worker.input_latch app.trial.robots app.report.figure2 app.trial.cycles app.trial.setup app.participants
-        app.driver app.opinions app.simulation app.simulate app.variants app.console app.paper app.fit app.studies
-        app.shares app.replicate app.replication_text app.power app.session.session app.session.context
-        app.session.transitions app.session.submissions app.session.running_trial app.session.worker_link
-        app.session.connections app.session.interfaces app.steps app.session.pages app.pilot app.bots
-        app.session.history app.session.commands app.session.private_text app.session.explanation
-        app.worker.spectator_view app.session.spectators app.session.round_trips app.recruiter app.report.process
-        app.report.job
+        app.config app.lab.tokens app.lab.lab app.worker.worker app.worker.process app.worker.messages
+        app.worker.pacer app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion
+        app.trial.verdicts app.worker.input_latch app.trial.robots app.report.figure2 app.trial.cycles
+        app.trial.setup app.participants app.driver app.opinions app.simulation app.simulate app.variants
+        app.console app.paper app.fit app.studies app.shares app.replicate app.replication_text app.power
+        app.session.session app.session.context app.session.transitions app.session.submissions
+        app.session.running_trial app.session.worker_link app.session.connections app.session.interfaces app.steps
+        app.session.pages app.pilot app.bots app.session.history app.session.commands app.session.private_text
+        app.session.explanation app.worker.spectator_view app.session.spectators app.session.round_trips
+        app.lab.open_enrolment app.report.process app.report.job
     """,
     "adapters": """
         sim.kinematic sim.bullet sim.assets sim.scene sim.nodes sim.spectator sim.urdf sim.meshes sim.props
@@ -223,13 +223,21 @@ def test_imports_run_downward_only() -> None:
             "def f():\n    from app import server",
             "app.trial.engine:2 (engine) imports app.server (edge)",
         ),
-        ("study.store.rows", "from app.lab import Lab", "study.store.rows:1 (adapters) imports app.lab (engine)"),
-        ("app.lab", "import importlib\nimportlib.import_module('app.api')", "app.lab:2 (engine) imports app.api"),
+        (
+            "study.store.rows",
+            "from app.lab.lab import Lab",
+            "study.store.rows:1 (adapters) imports app.lab.lab (engine)",
+        ),
+        (
+            "app.lab.lab",
+            "import importlib\nimportlib.import_module('app.api')",
+            "app.lab.lab:2 (engine) imports app.api",
+        ),
         ("study.flow.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a room of its own"),
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
-        ("app.lab", "import fastapi", "app.lab:1 imports fastapi: only"),
+        ("app.lab.lab", "import fastapi", "app.lab.lab:1 imports fastapi: only"),
         ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
         ("app.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
         (
@@ -242,7 +250,7 @@ def test_imports_run_downward_only() -> None:
             "from study.store.tables import RECORDS",
             "imports study.store.tables: what others may use",
         ),
-        ("app.lab", "from study.store import database", "imports study.store.database: what others may use"),
+        ("app.lab.lab", "from study.store import database", "imports study.store.database: what others may use"),
         ("study.flow.protocol", "import time", "pure code is given now_s"),
         ("sim.ik", "from scipy.optimize import minimize", "(pure) imports scipy"),
         ("app.surprise", "", "app.surprise has no layer: add it to MODULES"),
@@ -261,7 +269,8 @@ def test_a_relative_import_is_followed() -> None:
 
 def test_allowed_imports_are_silent() -> None:
     assert (
-        violations({"app.server": "import fastapi\nfrom app.lab import Lab\nfrom study.records import TickRow"}) == []
+        violations({"app.server": "import fastapi\nfrom app.lab.lab import Lab\nfrom study.records import TickRow"})
+        == []
     )
     assert violations({"sim.bullet": "import time\nimport pybullet\nfrom sim.interface import Robot"}) == []
 
@@ -281,7 +290,7 @@ def test_every_pure_module_is_checked_strictly() -> None:
 
 @pytest.mark.parametrize(
     "module",
-    sorted({m for m in project_sources() if LAYER_OF.get(m) == "edge"} | {"app.lab", "app.worker.process"}),
+    sorted({m for m in project_sources() if LAYER_OF.get(m) == "edge"} | {"app.lab.lab", "app.worker.process"}),
 )
 def test_the_web_process_loads_neither_physics_nor_scene(module: str) -> None:
     """Native code that crashes must be able to take a worker with it, never the server."""

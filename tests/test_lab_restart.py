@@ -17,7 +17,7 @@ import pytest
 
 from app.bots import Bot, BotError, enter, open_wire
 from app.config import LabConfig
-from app.lab import Lab
+from app.lab.lab import Lab
 from app.messages import Input, Message, Page, Status, Submit, Tick
 from app.session.commands import Command, NotNow
 from app.session.session import LiveSession

@@ -13,7 +13,7 @@ import pytest
 
 from app.__main__ import _parser
 from app.config import LabConfig
-from app.lab import Lab
+from app.lab.lab import Lab
 from app.server import create_app
 from study.records import TABLES
 

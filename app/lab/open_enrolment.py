@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from app.auth import token_hash
-from app.lab import Lab
+from app.lab.lab import Lab
+from app.lab.tokens import token_hash
 from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, Answer, answer, read_ids
 from study.flow.protocol import State
 from study.records import EventRow, utc_text

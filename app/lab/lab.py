@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.auth import new_token, same_token, token_hash
 from app.config import LabConfig, LabError
+from app.lab.tokens import new_token, same_token, token_hash
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.history import KEPT_EVENTS
