@@ -274,7 +274,7 @@ def _erase(options: argparse.Namespace) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from app.simulate import make_plan, simulate
+    from app.simulated.study import make_plan, simulate
 
     preset = getattr(options, "preset", None)
     plan = make_plan(options.seed, options.robot, preset, options.study)
@@ -303,7 +303,7 @@ def _analyze(options: argparse.Namespace) -> None:
 def _replicate(options: argparse.Namespace) -> None:
     from app.replicate import replicate
     from app.replication_text import LEGEND, table, write
-    from app.simulate import make_plan
+    from app.simulated.study import make_plan
 
     plan = make_plan(options.seed, options.robot, options.preset)
     result = replicate(
@@ -318,7 +318,7 @@ def _replicate(options: argparse.Namespace) -> None:
 def _power(options: argparse.Namespace) -> None:
     from app.power import power, table, write
     from app.replicate import check_place
-    from app.simulate import make_plan
+    from app.simulated.study import make_plan
     from app.studies import run_studies
 
     check_place(options.out)
@@ -330,7 +330,7 @@ def _power(options: argparse.Namespace) -> None:
 
 
 def _bot(options: argparse.Namespace) -> None:
-    from app.bots import run_bot
+    from app.simulated.bot import run_bot
 
     report = asyncio.run(run_bot(options.url, panel_url=options.panel_url, say=None if options.quiet else print))
     print(f"done: {report.ticks} ticks, {report.alerts} alerts answered, {report.surveys} surveys")

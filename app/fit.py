@@ -24,11 +24,11 @@ import numpy as np
 from app.config import LabError
 from app.console import ProgressBar
 from app.paper import TELEOPERATION, reported
-from app.participants import TRAITS, Population
-from app.simulate import MAX_WORKERS, Plan, check_count, run_jobs
-from app.simulation import simulate_trial
+from app.simulated.participant import simulate_trial
+from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs
+from app.simulated.traits import TRAITS, Population
+from app.simulated.variants import Changes, changed_study, open_study
 from app.trial.robots import make_robot
-from app.variants import Changes, changed_study, open_study
 from study.analysis.measures import Measures, measure
 from study.analysis.summaries import summarise
 

@@ -103,7 +103,7 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 CIRCULAR = ("sus_modified", "tlx_raw")
-"""Measures that the simulation's model assumes rather than predicts; see `app.opinions`."""
+"""Measures that the simulation's model assumes rather than predicts; see `app.simulated.answers`."""
 
 UNCERTAIN_WINDOWS = {"pickup": 108, "all": 247}
 """How many windows had entropy above 0.7, all conditions together, at least: error degrees of freedom and 3. Of about

@@ -20,7 +20,7 @@ from app.console import ProgressBar
 from app.paper import CIRCULAR, CLAIMS, Claim
 from app.replication_text import name_of
 from app.shares import ALPHA, compared
-from app.simulate import MAX_WORKERS, check_count, run_jobs
+from app.simulated.study import MAX_WORKERS, check_count, run_jobs
 from app.studies import Person, Pool, Values
 
 SIZES = (6, 12, 18, 24, 36, 48)

@@ -10,11 +10,11 @@ from typing import Any
 
 from app.config import LabError
 from app.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
-from app.participants import TRAITS
 from app.replicate import Replication, Variation, calibrated_alpha
 from app.shares import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
-from app.simulate import setup_of
-from app.variants import fitted
+from app.simulated.study import setup_of
+from app.simulated.traits import TRAITS
+from app.simulated.variants import fitted
 
 MOVED = 0.15
 """A variation is said to move a comparison when a share changes by more than this and twice its standard error."""
@@ -80,7 +80,7 @@ sign: share of studies with the sign of the paper's means. p<.05: Tukey's HSD af
 direction; where the paper found no difference, in any. within: the study's difference is smaller than the margin.
 shown: the study shows that it is (two one-sided tests). Aim, where the paper found a difference: sign in
 {SIGN_AIM:.0%} and significance in {SIGNIFICANT_AIM:.0%} of studies; where it found none: none in {SIGNIFICANT_AIM:.0%}.
-* circular: usability and workload follow from an assumed model (app/opinions.py) and replicate nothing."""
+* circular: usability and workload follow from an assumed model (app/simulated/answers.py) and replicate nothing."""
 
 
 def report(result: Replication) -> str:
@@ -116,7 +116,8 @@ def report(result: Replication) -> str:
         _code(_fit_table()),
         "## The model of a participant",
         _code(_traits_table(result)),
-        "Spread is the standard deviation of the logarithm over people. How the traits act stands in app/driver.py.",
+        "Spread is the standard deviation of the logarithm over people. How the traits act stands in "
+        "app/simulated/driver.py.",
     ]
     return "\n\n".join(parts) + "\n"
 

@@ -19,8 +19,8 @@ from typing import Any
 from app.config import LabError
 from app.console import ProgressBar
 from app.paper import REPORTED
-from app.simulate import Plan, check_count, participant_seed, run_jobs
-from app.simulation import simulate_trials
+from app.simulated.participant import simulate_trials
+from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
 from study.analysis.measures import measure
 from study.analysis.observations import Observation, observations, survey_observations

@@ -30,7 +30,7 @@ def add_study_commands(commands) -> None:  # type: ignore[no-untyped-def]
 
 def new_study_text(title: str, file: Path, preset: str) -> str:
     """The paper's study with another title and a preset's coefficients, its comments naming the file."""
-    from app.variants import changed_study, open_study, preset_changes
+    from app.simulated.variants import changed_study, open_study, preset_changes
 
     text = changed_study(open_study(None), preset_changes(preset)).source_text
     text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title, ensure_ascii=False)}", text, flags=re.M)
@@ -61,8 +61,8 @@ def _new(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from app.simulated.variants import open_study
     from app.trial.setup import calibration_text, study_setup
-    from app.variants import open_study
     from study.definition.study import StudyFileError
     from study.flow.overview import overview
 

@@ -18,7 +18,7 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.typing import Subprotocol
 
-from app.bots import Entrance, enter, run_bot
+from app.simulated.bot import Entrance, enter, run_bot
 from tests import lab_server
 from tests.bench import Figure
 from tests.lab_server import LabServer

@@ -1,7 +1,7 @@
 """A person at the participant's page, for end-to-end tests: reads the page, fills in forms, drives by keys or gamepad.
 
-Driving follows `app.pilot` with the delay a person has: what is pressed after seeing a tick counts one tick later, so
-the position is first carried forward by the tick that is already running.
+Driving follows `app.simulated.pilot` with the delay a person has: what is pressed after seeing a tick counts one tick
+later, so the position is first carried forward by the tick that is already running.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from app.pilot import Pilot, Sight
+from app.simulated.pilot import Pilot, Sight
 from app.trial.values import OperatorInput
 from tests.fake_pad import FakePad
 

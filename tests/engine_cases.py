@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
-from app.pilot import Pilot, Sight
+from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import (

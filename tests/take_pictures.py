@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from app.pilot import Pilot
+from app.simulated.pilot import Pilot
 from tests import chromium
 from tests import lab_server as labs
 from tests.browser_person import BrowserPerson

@@ -13,9 +13,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as sync_connect
 
-from app.bots import enter
 from app.lab import tokens as auth
 from app.messages import PROTOCOL_VERSION, Hello
+from app.simulated.bot import enter
 from tests.lab_server import EXPERIMENTER_TOKEN, LabServer
 from tests.wire_client import events, invite, seen_by_experimenter, stored, visit
 

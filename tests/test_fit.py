@@ -10,8 +10,8 @@ import pytest
 from app.config import LabError
 from app.fit import ANCHORS, PARAMETERS, VARIANTS, Fit, anchor_values, as_json, fit, measure_teleoperation, report
 from app.paper import reported
-from app.simulate import Plan, make_plan
-from app.variants import changed_study, fitted, fitted_population, open_study
+from app.simulated.study import Plan, make_plan
+from app.simulated.variants import changed_study, fitted, fitted_population, open_study
 from study.analysis.measures import Measures
 
 
@@ -54,7 +54,7 @@ def test_a_fit_comes_nearer_and_keeps_its_bounds(monkeypatch: pytest.MonkeyPatch
 
     def of_small(variant: str, values: dict[str, float], seed: int) -> Plan:
         from app.fit import means_of, study_changes
-        from app.participants import Population
+        from app.simulated.traits import Population
 
         study = changed_study(small, study_changes(variant, values))
         return Plan(study.source_text, seed, population=Population(means_of(values)))

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from frictionless import validate
 
-from app.bots import run_bot
+from app.simulated.bot import run_bot
 from study.export.export import read_table
 from tests import lab_server
 from tests.wire_client import SHORT, invite, visit, write_study

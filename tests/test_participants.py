@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app.config import LabError
-from app.driver import Driver
-from app.opinions import Experience, survey_answers
-from app.participants import TRAITS, Population, Traits, draw_traits, stream
-from app.pilot import Sight
+from app.simulated.answers import Experience, survey_answers
+from app.simulated.driver import Driver
+from app.simulated.pilot import Sight
+from app.simulated.traits import TRAITS, Population, Traits, draw_traits, stream
 from app.trial.values import OperatorInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.pilot import Pilot, Sight
+from app.simulated.pilot import Pilot, Sight
 from app.trial.values import OperatorInput, RobotTiming
 from sim.layouts import LAYOUTS
 from sim.layouts import scene as layout_scene

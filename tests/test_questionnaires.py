@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.opinions import Experience, survey_answers
-from app.participants import Population, draw_traits
 from app.session.pages import PageContext, page
+from app.simulated.answers import Experience, survey_answers
+from app.simulated.traits import Population, draw_traits
 from study.analysis.analysis import analyse
 from study.analysis.dataset import load as load_data
 from study.analysis.method_text import methods

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 
-from app.bots import Entrance, open_wire
+from app.simulated.bot import Entrance, open_wire
 from tests.fake_lab import FakeLab
 from tests.fake_pad import FakePad
 from tests.lab_server import LabServer

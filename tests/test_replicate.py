@@ -13,13 +13,13 @@ import pytest
 from app.__main__ import main
 from app.config import LabError
 from app.paper import CIRCULAR, CLAIMS, REPORTED, reported
-from app.participants import TRAITS
 from app.replicate import Replication, check_place, compare_all, replicate, variations, varied
 from app.replication_text import report, table, write
 from app.shares import Contrast, compared, goal_gains, means, shares
-from app.simulate import Plan, make_plan, setup_of
+from app.simulated.study import Plan, make_plan, setup_of
+from app.simulated.traits import TRAITS
+from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
 from app.studies import Archive, Values, run_studies, run_study, study_seed
-from app.variants import changed_study, fitted_population, open_study, preset_changes
 from tests.study_values import as_the_paper_found
 
 

@@ -15,8 +15,8 @@ import pytest
 
 from app.__main__ import main
 from app.config import LabError
-from app.simulate import Plan, make_plan, run_jobs, simulate
-from app.variants import changed_study, fitted_population, open_study, preset_changes
+from app.simulated.study import Plan, make_plan, run_jobs, simulate
+from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
 from study.definition.study import orders
 from study.export.export import read_meta, read_table
 from study.records import TABLES
@@ -156,7 +156,7 @@ def test_a_process_that_dies_is_told_in_a_line() -> None:
 
 LEFT_ALONE = """
 import os, sys, time
-from app.simulate import run_jobs
+from app.simulated.study import run_jobs
 import tests.slow_job
 if __name__ == "__main__":
     for job, pid in run_jobs(tests.slow_job.tell_and_sleep, [1, 2], 2):

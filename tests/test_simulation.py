@@ -8,12 +8,12 @@ from functools import cache
 
 import pytest
 
-from app.participants import Population
-from app.simulation import Case, Record, simulate_participant, simulate_trial, simulate_trials
+from app.simulated.participant import Case, Record, simulate_participant, simulate_trial, simulate_trials
+from app.simulated.traits import Population
+from app.simulated.variants import Changes, changed_study, open_study
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import inputs_of
-from app.variants import Changes, changed_study, open_study
 from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
@@ -161,7 +161,7 @@ def test_the_same_seed_is_the_same_person_and_another_is_not() -> None:
 
 
 def test_someone_who_gets_nowhere_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.simulation.GIVES_UP_TICKS", 50)
+    monkeypatch.setattr("app.simulated.participant.GIVES_UP_TICKS", 50)
     record = simulate_participant(case(), KinematicRobot)
     assert record["participants"][0].state == "withdrawn"
     withdrawn = [json.loads(row.data) for row in record["events"] if row.kind == "state"][-1]

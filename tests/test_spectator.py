@@ -17,8 +17,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
-from app.bots import enter
 from app.session.spectators import Onlookers
+from app.simulated.bot import enter
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
 from app.worker.spectator_view import EVERY_SLICES, Gallery
 from sim.assets import simple_look

@@ -15,7 +15,7 @@ import httpx
 import pytest
 from playwright.sync_api import Error as PlaywrightError
 
-from app.pilot import Pilot
+from app.simulated.pilot import Pilot
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, load_study

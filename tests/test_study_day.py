@@ -17,7 +17,7 @@ import pytest
 from frictionless import validate
 
 from app.__main__ import main
-from app.bots import BotReport, run_bot
+from app.simulated.bot import BotReport, run_bot
 from tests.lab_server import LabServer
 from tests.test_live_page import driving
 from tests.wire_client import SHORT

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 import httpx
 
-from app.bots import BotError, Wire, enter, form_answers, open_wire
 from app.messages import (
     SERVER_MESSAGE,
     Ack,
@@ -33,6 +32,7 @@ from app.messages import (
     Welcome,
 )
 from app.session.private_text import with_words
+from app.simulated.bot import BotError, Wire, enter, form_answers, open_wire
 from study.store import Store, open_store
 from tests.lab_server import ROOT, LabServer
 

@@ -17,7 +17,7 @@ import tempfile
 from contextlib import closing
 from pathlib import Path
 
-from app.bots import run_bot
+from app.simulated.bot import run_bot
 from study.export.export import export_zip
 from study.store import open_store
 from tests import lab_server

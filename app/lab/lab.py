@@ -19,10 +19,10 @@ from app.session.history import KEPT_EVENTS
 from app.session.interfaces import Enrolment, Resumed, Surroundings
 from app.session.private_text import apart
 from app.session.session import LiveSession
+from app.simulated.variants import open_study, parse_text
 from app.trial.cycles import cycle_from_json
 from app.trial.engine import CycleStart, inputs_of
 from app.trial.setup import StudySetup, study_setup
-from app.variants import open_study, parse_text
 from app.worker.messages import Pace, WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session

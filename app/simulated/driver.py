@@ -25,8 +25,8 @@ from typing import Literal
 
 import numpy as np
 
-from app.participants import Traits
-from app.pilot import Sight
+from app.simulated.pilot import Sight
+from app.simulated.traits import Traits
 from app.trial.values import NO_INPUT, Direction, OperatorInput
 from sim.interface import TICK_S
 

@@ -26,11 +26,11 @@ import numpy as np
 
 from app.config import LabError
 from app.console import ProgressBar
-from app.participants import Population
-from app.simulation import Case, Record, simulate_participant
+from app.simulated.participant import Case, Record, simulate_participant
+from app.simulated.traits import Population
+from app.simulated.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
 from app.trial.robots import ROBOTS, make_robot
 from app.trial.setup import StudySetup, study_setup
-from app.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
 from study.definition.study import Study, orders
 from study.export.export import write_tables
 from study.records import SCHEMA_VERSION, TABLES

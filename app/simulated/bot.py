@@ -1,7 +1,7 @@
 """Scripted clients of the wire: `salab bot` completes a whole study as a participant would, without a browser.
 
 The bot follows the link (HTTP, for the cookie), opens the WebSocket, fills in every form, drives the robot with
-`app.pilot` and logs every reading. It must run in lockstep: it has no hands to time.
+`app.simulated.pilot` and logs every reading. It must run in lockstep: it has no hands to time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from app.messages import (
     Welcome,
     World,
 )
-from app.pilot import Pilot, Sight
+from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import OperatorInput
 from study.flow.eligibility import USER_AGENTS
 from study.flow.protocol import TERMINAL

@@ -1,5 +1,5 @@
 """One simulated participant's whole study, headless: the same protocol, `TrialEngine`, distractor and row types as a
-live session, with `app.driver` at the controls. No file, no clock: time is counted in ticks from a fixed day.
+live session, with `app.simulated.driver` at the controls. No file, no clock: time is counted in ticks from a fixed day.
 
     record = simulate_participant(case)          record["ticks"], record["tasks"], ... as in `study.records.TABLES`
 """
@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app.driver import Driver, ticks_of
-from app.opinions import Experience, comprehension_answers, demographic_answers, survey_answers
-from app.participants import Population, Traits, draw_traits, stream
-from app.pilot import Sight
+from app.simulated.answers import Experience, comprehension_answers, demographic_answers, survey_answers
+from app.simulated.driver import Driver, ticks_of
+from app.simulated.pilot import Sight
+from app.simulated.traits import Population, Traits, draw_traits, stream
 from app.steps import STEPS, StepContext
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from app.participants import Traits
+from app.simulated.traits import Traits
 from study.definition.study import Study
 
 USABILITY, WORKLOAD = 5.4, 3.1

@@ -13,7 +13,7 @@ from typing import Any
 
 from app.autonomy.arbiter import PRESETS
 from app.config import LabError
-from app.participants import Population
+from app.simulated.traits import Population
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import Study, load_study, parse_study

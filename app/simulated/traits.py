@@ -1,4 +1,4 @@
-"""Simulated participants: who they are. How they drive stands in `app.driver`, what they answer in `app.opinions`.
+"""Simulated participants: who they are. How they drive stands in `driver`, what they answer in `answers`.
 
 A participant is a handful of named traits (`Traits`). A population (`Population`) says how each is spread over
 people; `draw_traits` makes one individual. Traits marked "fitted" in `TRAITS` were calibrated on what the paper reports
@@ -66,7 +66,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
         "miss": Spread(0.005, 0.6, 0.0, 0.5, False, "chance that a reading is not answered at all"),
     }
 )
-"""Every trait that varies over people. Means marked as fitted are where the fit starts; see `app/fitted.json`."""
+"""Every trait that varies over people. Means marked as fitted are where the fit starts; see `fitted.json`."""
 
 
 @dataclass(frozen=True)
