@@ -283,7 +283,7 @@ def _simulate(options: argparse.Namespace) -> None:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from app.fit import run
+    from app.replication.fit import run
 
     variants = ("replan", "mix") if options.transition == "both" else (options.transition,)
     print(run(variants, options.participants, options.seed, options.workers, options.out))
@@ -301,8 +301,8 @@ def _analyze(options: argparse.Namespace) -> None:
 
 
 def _replicate(options: argparse.Namespace) -> None:
-    from app.replicate import replicate
-    from app.replication_text import LEGEND, table, write
+    from app.replication.replicate import replicate
+    from app.replication.text import LEGEND, table, write
     from app.simulated.study import make_plan
 
     plan = make_plan(options.seed, options.robot, options.preset)
@@ -316,10 +316,10 @@ def _replicate(options: argparse.Namespace) -> None:
 
 
 def _power(options: argparse.Namespace) -> None:
-    from app.power import power, table, write
-    from app.replicate import check_place
+    from app.replication.power import power, table, write
+    from app.replication.replicate import check_place
+    from app.replication.studies import run_studies
     from app.simulated.study import make_plan
-    from app.studies import run_studies
 
     check_place(options.out)
     plan = make_plan(options.seed, "kinematic", options.preset)

@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from app.paper import CONDITIONS_IN_ORDER, REPORTED
-from app.studies import SURVEYS, Values
+from app.replication.paper import CONDITIONS_IN_ORDER, REPORTED
+from app.replication.studies import SURVEYS, Values
 from study.analysis.observations import Observation
 
 ORDERS = tuple(itertools.permutations(CONDITIONS_IN_ORDER))

@@ -39,8 +39,9 @@ MODULES = {
         app.worker.pacer app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion
         app.trial.verdicts app.worker.input_latch app.trial.robots app.report.figure2 app.trial.cycles
         app.trial.setup app.simulated.traits app.simulated.driver app.simulated.answers app.simulated.participant
-        app.simulated.study app.simulated.variants app.console app.paper app.fit app.studies app.shares
-        app.replicate app.replication_text app.power app.session.session app.session.context app.session.transitions
+        app.simulated.study app.simulated.variants app.console app.replication.paper app.replication.fit
+        app.replication.studies app.replication.comparisons app.replication.replicate app.replication.text
+        app.replication.power app.session.session app.session.context app.session.transitions
         app.session.submissions app.session.running_trial app.session.worker_link app.session.connections
         app.session.interfaces app.steps app.session.pages app.simulated.pilot app.simulated.bot app.session.history
         app.session.commands app.session.private_text app.session.explanation app.worker.spectator_view

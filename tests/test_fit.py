@@ -8,8 +8,18 @@ from functools import cache
 import pytest
 
 from app.config import LabError
-from app.fit import ANCHORS, PARAMETERS, VARIANTS, Fit, anchor_values, as_json, fit, measure_teleoperation, report
-from app.paper import reported
+from app.replication.fit import (
+    ANCHORS,
+    PARAMETERS,
+    VARIANTS,
+    Fit,
+    anchor_values,
+    as_json,
+    fit,
+    measure_teleoperation,
+    report,
+)
+from app.replication.paper import reported
 from app.simulated.study import Plan, make_plan
 from app.simulated.variants import changed_study, fitted, fitted_population, open_study
 from study.analysis.measures import Measures
@@ -53,13 +63,13 @@ def test_a_fit_comes_nearer_and_keeps_its_bounds(monkeypatch: pytest.MonkeyPatch
     small = changed_study(open_study(None), {"": {"pickups_per_trial": 1}})
 
     def of_small(variant: str, values: dict[str, float], seed: int) -> Plan:
-        from app.fit import means_of, study_changes
+        from app.replication.fit import means_of, study_changes
         from app.simulated.traits import Population
 
         study = changed_study(small, study_changes(variant, values))
         return Plan(study.source_text, seed, population=Population(means_of(values)))
 
-    monkeypatch.setattr("app.fit.plan_of", of_small)
+    monkeypatch.setattr("app.replication.fit.plan_of", of_small)
     evaluations = []
     found = fit("replan", participants=3, seed=1, rounds=1, say=lambda: evaluations.append(1))
     first = fit("replan", participants=3, seed=1, rounds=1)

@@ -12,9 +12,9 @@ import pytest
 
 from app.__main__ import main
 from app.config import LabError
-from app.paper import CIRCULAR, CLAIMS
-from app.power import Power, choose_people, curves, power, table, write
-from app.studies import Pool
+from app.replication.paper import CIRCULAR, CLAIMS
+from app.replication.power import Power, choose_people, curves, power, table, write
+from app.replication.studies import Pool
 from tests.study_values import ORDERS, as_the_paper_found
 
 DIFFERENT = [claim for claim in CLAIMS if claim.verdict == "different" and claim.measure not in CIRCULAR]

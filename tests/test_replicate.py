@@ -12,14 +12,14 @@ import pytest
 
 from app.__main__ import main
 from app.config import LabError
-from app.paper import CIRCULAR, CLAIMS, REPORTED, reported
-from app.replicate import Replication, check_place, compare_all, replicate, variations, varied
-from app.replication_text import report, table, write
-from app.shares import Contrast, compared, goal_gains, means, shares
+from app.replication.comparisons import Contrast, compared, goal_gains, means, shares
+from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, reported
+from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
+from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
+from app.replication.text import report, table, write
 from app.simulated.study import Plan, make_plan, setup_of
 from app.simulated.traits import TRAITS
 from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
-from app.studies import Archive, Values, run_studies, run_study, study_seed
 from tests.study_values import as_the_paper_found
 
 
@@ -130,7 +130,7 @@ def test_studies_differ_and_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
     first = run_studies(small_plan(), 2, 2, 1, tmp_path / "studies")
     assert first[0] != first[1]
     assert len({study_seed(3, study) for study in range(100)}) == 100
-    monkeypatch.setattr("app.studies.run_study", None)  # nothing is run again
+    monkeypatch.setattr("app.replication.studies.run_study", None)  # nothing is run again
     assert run_studies(small_plan(), 2, 2, 1, tmp_path / "studies") == first
 
 

@@ -2,7 +2,7 @@
 
 A participant is a handful of named traits (`Traits`). A population (`Population`) says how each is spread over
 people; `draw_traits` makes one individual. Traits marked "fitted" in `TRAITS` were calibrated on what the paper reports
-for pure teleoperation (`app.fit`), the others are plain assumptions that stand here to be argued with.
+for pure teleoperation (`app.replication.fit`), the others are plain assumptions that stand here to be argued with.
 
 Nobody's traits know about conditions: whatever differs between conditions in simulated data comes from what the
 robot did while the hands were off.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from app.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
-from app.studies import SURVEYS, Values
+from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
+from app.replication.studies import SURVEYS, Values
 from study.analysis.analysis import compare
 from study.analysis.linear_model import Anova, slope
 

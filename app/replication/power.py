@@ -17,11 +17,11 @@ import numpy as np
 
 from app.config import LabError
 from app.console import ProgressBar
-from app.paper import CIRCULAR, CLAIMS, Claim
-from app.replication_text import name_of
-from app.shares import ALPHA, compared
+from app.replication.comparisons import ALPHA, compared
+from app.replication.paper import CIRCULAR, CLAIMS, Claim
+from app.replication.studies import Person, Pool, Values
+from app.replication.text import name_of
 from app.simulated.study import MAX_WORKERS, check_count, run_jobs
-from app.studies import Person, Pool, Values
 
 SIZES = (6, 12, 18, 24, 36, 48)
 TARGET = 0.80

@@ -18,7 +18,7 @@ from typing import Any
 
 from app.config import LabError
 from app.console import ProgressBar
-from app.paper import REPORTED
+from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
@@ -28,7 +28,7 @@ from study.definition.study import orders
 from study.flow.answers import survey_scores
 
 Key = tuple[str, str]
-"""Measure and kind, as in `app.paper.REPORTED`."""
+"""Measure and kind, as in `app.replication.paper.REPORTED`."""
 MAX_STUDIES = 10_000
 SURVEYS = ("sus_modified", "tlx_raw")
 

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from app.config import LabError
-from app.paper import Claim
-from app.shares import GoalGain, Means, Share, compared, goal_gains, means, shares
+from app.replication.comparisons import GoalGain, Means, Share, compared, goal_gains, means, shares
+from app.replication.paper import Claim
+from app.replication.studies import MAX_STUDIES, Values, run_studies
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
 from app.simulated.traits import TRAITS, Population
 from app.simulated.variants import Changes, changed_study, parse_text
-from app.studies import MAX_STUDIES, Values, run_studies
 from app.trial.setup import StudySetup
 
 

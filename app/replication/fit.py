@@ -23,7 +23,7 @@ import numpy as np
 
 from app.config import LabError
 from app.console import ProgressBar
-from app.paper import TELEOPERATION, reported
+from app.replication.paper import TELEOPERATION, reported
 from app.simulated.participant import simulate_trial
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs
 from app.simulated.traits import TRAITS, Population

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from app.config import LabError
-from app.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
-from app.replicate import Replication, Variation, calibrated_alpha
-from app.shares import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
+from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
+from app.replication.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
+from app.replication.replicate import Replication, Variation, calibrated_alpha
 from app.simulated.study import setup_of
 from app.simulated.traits import TRAITS
 from app.simulated.variants import fitted
