@@ -183,7 +183,7 @@ async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-
     import uvicorn
 
     from app.messages import MAX_MESSAGE_BYTES
-    from app.server import create_app
+    from app.web.server import create_app
 
     config = uvicorn.Config(
         create_app(lab),

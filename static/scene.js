@@ -24,7 +24,7 @@ export class Scene {
     this.src = null;
     this._drawn = false;
     this._sceneLost = false;
-    // The frame tells whether it is connected (app/scene_proxy.py).
+    // The frame tells whether it is connected (app/web/scene_proxy.py).
     this._message = (event) => {
       if (event.source !== this.frame.contentWindow || event.data?.type !== "scene") return;
       this._sceneLost = !event.data.connected;

@@ -31,8 +31,9 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.study_commands app.server app.api app.roster_api app.results_api app.live_api app.desk_api
-        app.sockets app.scene_proxy app.entrance app.join_api
+        app.__main__ app.study_commands app.web.server app.web.sessions_api app.web.roster_api app.web.results_api
+        app.web.live_api app.web.dashboard_frames app.web.participant_socket app.web.scene_proxy app.web.addresses
+        app.web.join_api
     """,
     "engine": """
         app.config app.lab.tokens app.lab.lab app.worker.worker app.worker.process app.worker.messages
@@ -218,11 +219,11 @@ def test_imports_run_downward_only() -> None:
     ("module", "source", "complaint"),
     [
         ("sim.ik", "from sim.bullet import BulletRobot", "sim.ik:1 (pure) imports sim.bullet (adapters)"),
-        ("app.trial.engine", "import app.server", "app.trial.engine:1 (engine) imports app.server (edge)"),
+        ("app.trial.engine", "import app.web.server", "app.trial.engine:1 (engine) imports app.web.server (edge)"),
         (
             "app.trial.engine",
-            "def f():\n    from app import server",
-            "app.trial.engine:2 (engine) imports app.server (edge)",
+            "def f():\n    from app.web import server",
+            "app.trial.engine:2 (engine) imports app.web.server (edge)",
         ),
         (
             "study.store.rows",
@@ -231,8 +232,8 @@ def test_imports_run_downward_only() -> None:
         ),
         (
             "app.lab.lab",
-            "import importlib\nimportlib.import_module('app.api')",
-            "app.lab.lab:2 (engine) imports app.api",
+            "import importlib\nimportlib.import_module('app.web.sessions_api')",
+            "app.lab.lab:2 (engine) imports app.web.sessions_api",
         ),
         ("study.flow.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
@@ -240,7 +241,7 @@ def test_imports_run_downward_only() -> None:
         ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
         ("app.lab.lab", "import fastapi", "app.lab.lab:1 imports fastapi: only"),
         ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
-        ("app.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
+        ("app.web.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
         (
             "study.export.export",
             "from sqlalchemy import select",
@@ -270,7 +271,7 @@ def test_a_relative_import_is_followed() -> None:
 
 def test_allowed_imports_are_silent() -> None:
     assert (
-        violations({"app.server": "import fastapi\nfrom app.lab.lab import Lab\nfrom study.records import TickRow"})
+        violations({"app.web.server": "import fastapi\nfrom app.lab.lab import Lab\nfrom study.records import TickRow"})
         == []
     )
     assert violations({"sim.bullet": "import time\nimport pybullet\nfrom sim.interface import Robot"}) == []

@@ -14,7 +14,7 @@ import pytest
 from app.__main__ import _parser
 from app.config import LabConfig
 from app.lab.lab import Lab
-from app.server import create_app
+from app.web.server import create_app
 from study.records import TABLES
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.results_api import summarise
+from app.web.results_api import summarise
 from study.store import open_store
 from tests.lab_server import LabServer
 from tests.study_samples import UTC, alert_row, answer_row, shipped_study, trial_row

@@ -13,7 +13,7 @@ import httpx
 import pytest
 import sqlalchemy as sql
 
-from app.roster_api import enrolment
+from app.web.roster_api import enrolment
 from study.store import open_store
 from tests.lab_server import LabServer
 from tests.study_samples import UTC, shipped_study

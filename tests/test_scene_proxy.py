@@ -29,8 +29,8 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from app import scene_proxy
-from app.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
+from app.web import scene_proxy
+from app.web.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
 from sim.assets import simple_look
 from sim.scene import SceneView
 from tests.test_scene import SIX, joined, world

@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.session.commands import NotNow
+from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
 from study.definition.study import Study
 from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text

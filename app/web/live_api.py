@@ -23,7 +23,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from app.api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import NotNow, Remark, RemarkName
@@ -32,7 +31,8 @@ from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
-from app.sockets import HELLO_WITHIN_S, Places, same_origin
+from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
+from app.web.sessions_api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
 from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession

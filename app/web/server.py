@@ -15,21 +15,21 @@ from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
 
-from app import sockets
-from app.api import add_api
 from app.config import LabError
-from app.desk_api import add_desk
-from app.entrance import COOKIES, Prefixed, place_of, prefix, set_cookie
-from app.join_api import STATUS, add_join, look
 from app.lab.lab import Lab, NoSuchParticipant
-from app.live_api import add_live
-from app.results_api import add_results_api
-from app.roster_api import add_roster_api
-from app.scene_proxy import proxy_scene, scene_page_response
 from app.session.interfaces import Role
 from app.session.session import LiveSession
+from app.web import participant_socket as sockets
+from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
+from app.web.dashboard_frames import add_desk
+from app.web.join_api import STATUS, add_join, look
+from app.web.live_api import add_live
+from app.web.results_api import add_results_api
+from app.web.roster_api import add_roster_api
+from app.web.scene_proxy import proxy_scene, scene_page_response
+from app.web.sessions_api import add_api
 
-STATIC = Path(__file__).resolve().parent.parent / "static"
+STATIC = Path(__file__).resolve().parents[2] / "static"
 MAX_BODY_BYTES = 1_000_000
 """No request needs more; larger ones are refused before they are read."""
 
@@ -155,7 +155,7 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
 
     @app.get("/join", include_in_schema=False)
     async def join_page(request: Request) -> Response:
-        """Whoever fetches it may be a mail scanner: the page's button enrols (see `app.join_api`)."""
+        """Whoever fetches it may be a mail scanner: the page's button enrols (see `app.web.join_api`)."""
         return page("join.html", STATUS.get((await look(request, lab)).answer, 200))
 
     @app.get("/p/{token}", include_in_schema=False)

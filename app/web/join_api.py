@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, FastAPI, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api import TheLab
-from app.entrance import COOKIES, place_of, prefix, set_cookie
 from app.lab.lab import Lab
 from app.lab.open_enrolment import Offer, Recruiter, cookie_name
 from app.lab.tokens import Attempts, new_token
-from app.sockets import same_origin
+from app.web.addresses import COOKIES, place_of, prefix, set_cookie
+from app.web.participant_socket import same_origin
+from app.web.sessions_api import TheLab
 from study.flow.open_link import filled
 
 JOINS_A_MINUTE = 60

@@ -10,9 +10,9 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api import Experimenter, ExperimenterRoute, TheLab
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
+from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
 from study.flow import roster
 from study.flow.open_link import open_link
 from study.flow.roster import ACTS, Act, Enrolled

@@ -11,13 +11,13 @@ from __future__ import annotations
 from fastapi import APIRouter, FastAPI, Request, Response, WebSocket
 from fastapi.responses import FileResponse, JSONResponse
 
-from app.api import Experimenter, ExperimenterRoute, TheLab
-from app.entrance import prefix
 from app.lab.lab import Lab
 from app.lab.tokens import desk_key, same_token
 from app.report.process import PAGE
-from app.scene_proxy import proxy_scene, scene_page_response
-from app.sockets import Places, same_origin
+from app.web.addresses import prefix
+from app.web.participant_socket import Places, same_origin
+from app.web.scene_proxy import proxy_scene, scene_page_response
+from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"
