@@ -182,8 +182,8 @@ def _serve(options: argparse.Namespace) -> None:
 async def _run_server(lab, listener: socket.socket) -> None:  # type: ignore[no-untyped-def]
     import uvicorn
 
-    from app.messages import MAX_MESSAGE_BYTES
     from app.web.server import create_app
+    from app.wire import MAX_MESSAGE_BYTES
 
     config = uvicorn.Config(
         create_app(lab),

@@ -1,4 +1,4 @@
-// The page's side of the wire (protocol 1, see app/messages.py): hello, reconnect, resend, take-over, ping.
+// The page's side of the wire (protocol 1, see app/wire.py): hello, reconnect, resend, take-over, ping.
 //
 // States: connecting → open (the lab said welcome) → lost → connecting …; superseded, denied and outdated are final
 // until the person acts. Events: "state", one per message type ("page", "tick", …), and a cancelable "refused"

@@ -30,7 +30,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from app.messages import CLIENT_MESSAGE, SERVER_MESSAGE
+from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE
 from tests.fake_pages import CONTENT, ENDS, NEXT
 
 STATIC = Path(__file__).resolve().parent.parent / "static"

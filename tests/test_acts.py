@@ -14,9 +14,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.messages import Error, Heartbeat, Notice, Page, Status
 from app.session.commands import ACTS, EVENTS, Circumstances, why_not
 from app.simulated.bot import Bot, enter, open_wire
+from app.wire import Error, Heartbeat, Notice, Page, Status
 from study.flow.protocol import TERMINAL, Event, Session, advance, allowed, new_session
 from study.records import EventRow, TickRow
 from tests.lab_server import LabServer

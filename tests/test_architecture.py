@@ -40,7 +40,7 @@ MODULES = {
         app.worker.pacer app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion
         app.trial.verdicts app.worker.input_latch app.trial.robots app.report.figure2 app.trial.cycles
         app.trial.setup app.simulated.traits app.simulated.driver app.simulated.answers app.simulated.participant
-        app.simulated.study app.simulated.variants app.console app.replication.paper app.replication.fit
+        app.simulated.study app.simulated.variants app.progress_bar app.replication.paper app.replication.fit
         app.replication.studies app.replication.comparisons app.replication.replicate app.replication.text
         app.replication.power app.session.session app.session.context app.session.transitions
         app.session.submissions app.session.running_trial app.session.worker_link app.session.connections
@@ -59,7 +59,7 @@ MODULES = {
         study.analysis.tables study.analysis.method_text study.analysis.report
     """,
     "pure": """
-        app.messages app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
+        app.wire app.autonomy.actions app.autonomy.arbiter app.autonomy.arrays app.autonomy.belief
         app.autonomy.calibration app.autonomy.errors app.autonomy.hindsight app.autonomy.information
         app.autonomy.transition sim.interface sim.fetch sim.ik sim.objects sim.layouts sim.clearance sim.views
         study.definition.study study.definition.checks study.definition.toml_reader study.flow.protocol
@@ -238,7 +238,7 @@ def test_imports_run_downward_only() -> None:
         ("study.flow.distractor", "from sim.interface import TICK_S", "study is a room of its own"),
         ("sim.kinematic", "from study import records", "sim is a room of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a room of its own"),
-        ("sim.scene", "from app.messages import Hello", "sim is a room of its own"),
+        ("sim.scene", "from app.wire import Hello", "sim is a room of its own"),
         ("app.lab.lab", "import fastapi", "app.lab.lab:1 imports fastapi: only"),
         ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
         ("app.web.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),

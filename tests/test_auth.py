@@ -14,8 +14,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as sync_connect
 
 from app.lab import tokens as auth
-from app.messages import PROTOCOL_VERSION, Hello
 from app.simulated.bot import enter
+from app.wire import PROTOCOL_VERSION, Hello
 from tests.lab_server import EXPERIMENTER_TOKEN, LabServer
 from tests.wire_client import events, invite, seen_by_experimenter, stored, visit
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from app.messages import Ack, Error, Input, Message, Page, Status, Submit
 from app.simulated.bot import Bot, BotReport, PanelBot, Wire, enter, open_wire
+from app.wire import Ack, Error, Input, Message, Page, Status, Submit
 from study.flow.answers import validate_surveys
 from study.records import TABLES, columns
 from tests import lab_server

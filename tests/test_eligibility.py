@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from app.messages import Ping, Pong
 from app.session.round_trips import LOST_AFTER_S, RoundTrips
 from app.steps import STEPS, Refused, StepContext
+from app.wire import Ping, Pong
 from study.definition.sections import Eligibility
 from study.flow.eligibility import (
     CHECKS,

@@ -13,9 +13,9 @@ from typing import Any
 import httpx
 import pytest
 
-from app.messages import Error, Ping
 from app.simulated.bot import Entrance, run_bot
 from app.web.join_api import JOINS_A_MINUTE
+from app.wire import Error, Ping
 from study.flow.eligibility import PINGS
 from tests.lab_server import LabServer
 from tests.wire_client import Player, command, events, invite, open_wire, stored

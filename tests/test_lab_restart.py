@@ -17,10 +17,10 @@ import pytest
 
 from app.config import LabConfig
 from app.lab.lab import Lab
-from app.messages import Input, Message, Page, Status, Submit, Tick
 from app.session.commands import Command, NotNow
 from app.session.session import LiveSession
 from app.simulated.bot import Bot, BotError, enter, open_wire
+from app.wire import Input, Message, Page, Status, Submit, Tick
 from study.records import TickRow
 from study.store import Store
 from tests.dashboard_client import dashboard

@@ -13,7 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.messages import Heartbeat, Notice
+from app.wire import Heartbeat, Notice
 from tests.dashboard_client import Line, dashboard, socket_url
 from tests.lab_server import LabServer
 from tests.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, read, visit

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from app.messages import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from app.session.pages import FAILURES, VIEWS, PageContext, instruction, notice, page, tick_message
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
+from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study

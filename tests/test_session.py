@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from app.messages import Ack, Alert, AlertClosed, Error, Input, Message, Page, Ping, Status, Superseded, Tick
 from app.simulated.bot import BotError
+from app.wire import Ack, Alert, AlertClosed, Error, Input, Message, Page, Ping, Status, Superseded, Tick
 from study.records import AlertRow, TickRow
 from tests.dashboard_client import dashboard
 from tests.lab_server import LabServer

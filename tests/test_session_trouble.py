@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.messages import Page, Status
+from app.wire import Page, Status
 from tests.lab_server import LabServer
 from tests.wire_client import (
     SHORT,

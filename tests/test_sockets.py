@@ -17,9 +17,9 @@ from pydantic import ValidationError
 from websockets.asyncio.client import connect
 
 from app.config import LabConfig
-from app.messages import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Input, Message, Page, Ping
 from app.simulated.bot import BotError, enter
 from app.web import participant_socket as sockets
+from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Input, Message, Page, Ping
 from tests.lab_server import LabServer
 from tests.wire_client import Player, invite, visit
 

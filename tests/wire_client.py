@@ -15,7 +15,9 @@ from typing import Any, TypeVar
 
 import httpx
 
-from app.messages import (
+from app.session.private_text import with_words
+from app.simulated.bot import BotError, Wire, enter, form_answers, open_wire
+from app.wire import (
     SERVER_MESSAGE,
     Ack,
     Error,
@@ -31,8 +33,6 @@ from app.messages import (
     Tick,
     Welcome,
 )
-from app.session.private_text import with_words
-from app.simulated.bot import BotError, Wire, enter, form_answers, open_wire
 from study.store import Store, open_store
 from tests.lab_server import ROOT, LabServer
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from app.config import LabError
-from app.console import ProgressBar
+from app.progress_bar import ProgressBar
 from app.replication.paper import TELEOPERATION, reported
 from app.simulated.participant import simulate_trial
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from app.config import LabError
-from app.console import ProgressBar
+from app.progress_bar import ProgressBar
 from app.replication.comparisons import ALPHA, compared
 from app.replication.paper import CIRCULAR, CLAIMS, Claim
 from app.replication.studies import Person, Pool, Values

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from app.config import LabError
-from app.console import ProgressBar
+from app.progress_bar import ProgressBar
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from app.messages import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
 from app.session import pages
 from app.session.interfaces import Client, Enrolment, Role, Surroundings
+from app.wire import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
 from sim.interface import TICK_S
 from study.flow.distractor import Alert as Reading
 from study.flow.distractor import DistractorState

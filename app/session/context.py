@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from app.messages import Instruction, Status
 from app.session import pages
 from app.session.connections import Audience
 from app.session.history import Recent
@@ -20,6 +19,7 @@ from app.session.spectators import Onlookers
 from app.session.worker_link import WorkerLink
 from app.trial.cycles import cycle_to_json
 from app.trial.engine import CycleStart
+from app.wire import Instruction, Status
 from study.flow.distractor import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
 from study.flow.protocol import Session

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from app.config import LabConfig
-from app.messages import Message
 from app.session.pages import Labels
+from app.wire import Message
 from app.worker.messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
 from study.flow.distractor import DistractorState

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.messages import Instruction, Page, Tick
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
+from app.wire import Instruction, Page, Tick
 from sim import views
 from study.definition.study import Study
 from study.flow.answers import describe

@@ -10,8 +10,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable
 
-from app.messages import Ping, Pong
 from app.session.interfaces import Client
+from app.wire import Ping, Pong
 
 LOST_AFTER_S = 5.0
 """A ping of a measurement without an answer for this long is sent again."""

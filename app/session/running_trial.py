@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
-from app.messages import World
 from app.trial.engine import TrialView
+from app.wire import World
 from app.worker.messages import Ready, Ticked
 from sim.interface import TICK_S
 from study.flow.distractor import Alert, DistractorState

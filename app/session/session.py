@@ -20,7 +20,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app.messages import Heartbeat, Input, Message, Pong
 from app.session import pages
 from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
 from app.session.connections import Audience, panel_page, refuse
@@ -36,6 +35,7 @@ from app.session.transitions import Course
 from app.session.worker_link import WorkerLink
 from app.trial.engine import TrialView
 from app.trial.values import TrialSetup
+from app.wire import Heartbeat, Input, Message, Pong
 from app.worker.messages import Hands, WorkerReport
 from study.flow.protocol import Event, Session
 

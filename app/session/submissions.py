@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from app.messages import Message, Note, Submit, View
 from app.session import pages
 from app.session.connections import acknowledge, refuse
 from app.session.context import Stage
@@ -13,6 +12,7 @@ from app.session.interfaces import Client
 from app.session.private_text import apart
 from app.session.transitions import Course
 from app.steps import STEPS, AlertData, Refused, StepContext, parse
+from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
 from study.flow import protocol
 from study.records import EventRow

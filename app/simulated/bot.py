@@ -20,7 +20,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from app.config import LabError
-from app.messages import (
+from app.simulated.pilot import Pilot, Sight
+from app.trial.engine import OperatorInput
+from app.wire import (
     PROTOCOL_VERSION,
     SERVER_MESSAGE,
     Ack,
@@ -41,8 +43,6 @@ from app.messages import (
     Welcome,
     World,
 )
-from app.simulated.pilot import Pilot, Sight
-from app.trial.engine import OperatorInput
 from study.flow.eligibility import USER_AGENTS
 from study.flow.protocol import TERMINAL
 

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from app.config import LabError
-from app.console import ProgressBar
+from app.progress_bar import ProgressBar
 from app.simulated.participant import Case, Record, simulate_participant
 from app.simulated.traits import Population
 from app.simulated.variants import changed_study, fitted_population, open_study, parse_text, preset_changes

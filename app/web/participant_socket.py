@@ -15,9 +15,9 @@ from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
-from app.messages import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
 from app.session.interfaces import Role
 from app.session.session import LiveSession
+from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
 
 HELLO_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 2.0

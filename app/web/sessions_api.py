@@ -26,9 +26,9 @@ from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
-from app.messages import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.trial.setup import StudySetup
+from app.wire import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.protocol import allowed
 from study.store import Kind, StoredSession
