@@ -129,9 +129,9 @@ def test_a_lab_that_does_not_recruit_says_so_and_enrols_nobody(quick_lab: LabSer
 
 def test_a_proxy_that_leaves_the_path_in_place_is_understood_too(open_lab: LabServer) -> None:
     with httpx.Client(base_url=f"http://127.0.0.1:{open_lab.port}", trust_env=False) as proxy:
-        for path in ("/study/join?PROLIFIC_PID=ab", "/study/static/join.js", "/study/api/health", "/study/"):
+        for path in ("/study/join?PROLIFIC_PID=ab", "/study/static/join/join.js", "/study/api/health", "/study/"):
             assert proxy.get(path).status_code == 200, path
-        assert 'src="/study/static/join.js"' in proxy.get("/study/join").text
+        assert 'src="/study/static/join/join.js"' in proxy.get("/study/join").text
         assert proxy.get("/studies/").status_code == 404
 
 

@@ -139,7 +139,7 @@ def test_heartbeats_come_from_a_worker_and_carry_the_hands(page: Page, lab: Fake
     page.keyboard.down("ArrowUp")
     beat = lab.wait_for(lambda message: message["type"] == "heartbeat" and message["direction"] == [1, 0, 0])
     assert beat["visible"] is True
-    assert any(worker.url.endswith("/static/heartbeat_worker.js") for worker in page.workers)
+    assert any(worker.url.endswith("/static/wire/heartbeat_worker.js") for worker in page.workers)
 
 
 # --- hands ---------------------------------------------------------------------------------------------------------
@@ -274,7 +274,7 @@ def test_a_learned_pad_drives_is_remembered_and_yields_to_the_keyboard_when_unpl
 
 
 MAPPING_CASES = """async () => {
-  const { Calibration, active, directionOf } = await import("/static/mapping.js");
+  const { Calibration, active, directionOf } = await import("/static/hands/mapping.js");
   const rest = (axes) => ({ axes, buttons: [0, 0, 0, 0] });
   const out = {};
   // A D-pad folded into one axis, released = 1.28; diagonals lie between the learned values.
@@ -565,7 +565,7 @@ def test_pages_fit_both_screens_without_scrolling_sideways(page: Page, lab: Fake
 
 
 def test_no_page_makes_markup_from_strings_or_asks_another_host() -> None:
-    for path in sorted(STATIC.iterdir()):
+    for path in sorted(path for path in STATIC.rglob("*") if path.is_file()):
         text = path.read_text(encoding="utf-8")
         assert len(text.splitlines()) < 400, path.name
         found = re.findall(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(", text)

@@ -1,0 +1,103 @@
+// The gamepad: polled at display rate (a browser has no events for sticks), known by its id, with a learned mapping.
+
+import { active, DEAD_ZONE, directionOf, snapshot, validMapping } from "./mapping.js";
+import { lasting } from "../common/store.js";
+
+function connected() {
+  const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];
+  return pads.filter((pad) => pad && pad.connected);
+}
+
+/** Mapping and dead zone remembered for a pad id, or null. */
+export function remembered(padId) {
+  const kept = lasting.get(`pad:${padId}`);
+  const mapping = validMapping(kept?.mapping);
+  if (!mapping) return null;
+  const zone = Number(kept.dead_zone);
+  const inRange = zone >= DEAD_ZONE.min && zone <= DEAD_ZONE.max;
+  return { mapping, dead_zone: inRange ? zone : DEAD_ZONE.default };
+}
+
+export function remember(padId, mapping, deadZone) {
+  lasting.set(`pad:${padId}`, { mapping, dead_zone: deadZone });
+}
+
+/**
+ * Emits "hands" on change, "gripper" (detail "open" | "close") once a press, "pads" when pads come or go, and "poll"
+ * (detail: snapshot) at display rate while somebody calibrates.
+ */
+export class Pads extends EventTarget {
+  constructor() {
+    super();
+    this.padId = null; // the pad the person drives with
+    this.mapping = null;
+    this.deadZone = DEAD_ZONE.default;
+    this.present = false; // it is plugged in
+    this.seen = []; // ids of all pads that are plugged in and were touched
+    this._on = new Set();
+    addEventListener("gamepadconnected", () => this._poll());
+    addEventListener("gamepaddisconnected", () => this._poll());
+    addEventListener("blur", () => this._poll());
+    document.addEventListener("visibilitychange", () => this._poll());
+    const loop = () => {
+      this._poll();
+      requestAnimationFrame(loop);
+    };
+    requestAnimationFrame(loop);
+  }
+
+  /** Drive with this pad. */
+  use(padId, mapping, deadZone) {
+    this.padId = padId;
+    this.mapping = mapping;
+    this.deadZone = deadZone;
+    this._on = new Set();
+    this._poll();
+  }
+
+  /** Drive with no pad. */
+  stop() {
+    this.use(null, null, DEAD_ZONE.default);
+  }
+
+  /** The pad with this id, or the first one; null when none is there. */
+  find(padId = null) {
+    const pads = connected();
+    return pads.find((pad) => pad.id === padId) ?? (padId === null ? (pads[0] ?? null) : null);
+  }
+
+  /** The pad on which something is pressed now, to ask "press any button on the one you want". */
+  touched() {
+    return connected().find((pad) => pad.buttons.some((button) => button.pressed || button.value > 0.5)) ?? null;
+  }
+
+  direction() {
+    return directionOf(this._on);
+  }
+
+  get actions() {
+    return this._on;
+  }
+
+  _poll() {
+    const pads = connected();
+    const ids = pads.map((pad) => pad.id);
+    const pad = this.padId === null ? undefined : pads.find((candidate) => candidate.id === this.padId);
+    const present = pad !== undefined;
+    if (ids.join("\n") !== this.seen.join("\n") || present !== this.present) {
+      this.seen = ids;
+      this.present = present;
+      this.dispatchEvent(new CustomEvent("pads"));
+    }
+    this.dispatchEvent(new CustomEvent("poll"));
+    // A page that cannot be seen gets no fresh values: what was held last must not go on driving.
+    const readable = pad && this.mapping && !document.hidden;
+    const on = readable ? active(snapshot(pad), this.mapping, this.deadZone, this._on) : new Set();
+    const before = this._on;
+    this._on = on;
+    for (const gripper of ["close", "open"]) {
+      if (on.has(gripper) && !before.has(gripper)) this.dispatchEvent(new CustomEvent("gripper", { detail: gripper }));
+    }
+    if ([...on].sort().join() !== [...before].sort().join()) this.dispatchEvent(new CustomEvent("hands"));
+  }
+}

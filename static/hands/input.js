@@ -1,0 +1,145 @@
+// What the hands do, from whichever device, to the lab: every change at once, with a sequence number; a heartbeat
+// repeats the present state. A press and its release are two messages, so a short tap between two ticks still counts.
+// Nothing is queued: what cannot be sent now is never sent late.
+
+import { chosenDevice } from "./keyboard.js";
+import { remembered } from "./gamepad.js";
+
+function sameDirection(a, b) {
+  return a === b || (a !== null && b !== null && a.every((value, axis) => value === b[axis]));
+}
+
+/** Emits "hands" ({direction, device, actions}) for indicators, "gripper" for each press, "device" when it changes. */
+export class Input extends EventTarget {
+  constructor({ socket, keyboard, pads, session }) {
+    super();
+    this.socket = socket;
+    this.keyboard = keyboard;
+    this.pads = pads;
+    this.session = session;
+    this.seq = 0;
+    this.driving = false; // hands reach the robot only now
+    this.direction = null; // as told to the lab
+    this.chosen = null;
+    this._padWasThere = false;
+    for (const device of [keyboard, pads]) {
+      device.addEventListener("hands", () => this._changed());
+      device.addEventListener("gripper", (event) => this._gripper(event.detail));
+    }
+    pads.addEventListener("pads", () => this._padsChanged());
+    socket.addEventListener("welcome", (event) => this._welcome(event.detail));
+    document.addEventListener("visibilitychange", () => {
+      socket.note(document.hidden ? "page_hidden" : "page_visible");
+      this._beat();
+    });
+    this._restore();
+  }
+
+  /** The device in use: the chosen one, or the keyboard while the chosen pad is unplugged. */
+  get device() {
+    if (this.chosen === "gamepad") return this.pads.present ? "gamepad" : "keyboard";
+    return this.chosen ?? "none";
+  }
+
+  /** Called by the set-up: "keyboard", or "gamepad" with its pad. */
+  choose(device, pad = null) {
+    this.chosen = device;
+    chosenDevice.set(this.session, { device, pad_id: pad?.padId ?? null });
+    if (device === "gamepad" && pad) this.pads.use(pad.padId, pad.mapping, pad.deadZone);
+    else this.pads.stop();
+    this._padWasThere = this.pads.present;
+    this._announce();
+  }
+
+  /** Turns the hands on or off. Off lets go; on starts from what is held now (keys must be pressed anew). */
+  drive(on) {
+    if (this.driving === on) return;
+    this.driving = on;
+    if (on && this.keyboard.scope === null) this.keyboard.listen(document);
+    if (!on) this.keyboard.listen(null);
+    this._changed();
+  }
+
+  /** Hands as they are, whether they drive or not: the pad, else the keyboard. */
+  hands() {
+    const padDirection = this.pads.direction();
+    const direction = padDirection.some(Boolean) ? padDirection : this.keyboard.direction();
+    return direction.some(Boolean) ? direction : null;
+  }
+
+  _restore() {
+    const kept = chosenDevice.get(this.session);
+    if (kept?.device === "keyboard") this.chosen = "keyboard";
+    if (kept?.device === "gamepad" && kept.pad_id) {
+      const known = remembered(kept.pad_id);
+      if (known) {
+        this.chosen = "gamepad";
+        this.pads.use(kept.pad_id, known.mapping, known.dead_zone);
+      } else this.chosen = "keyboard";
+    }
+  }
+
+  _changed() {
+    this._announce();
+    const direction = this.driving ? this.hands() : null;
+    if (sameDirection(direction, this.direction)) return;
+    this.direction = direction;
+    this._send(null);
+  }
+
+  _gripper(press) {
+    this.dispatchEvent(new CustomEvent("gripper", { detail: press }));
+    if (this.driving) this._send(press);
+  }
+
+  _send(gripper) {
+    if (!this.socket.open) return;
+    this.seq += 1;
+    const message = { type: "input", seq: this.seq, client_ms: performance.now(), direction: this.direction };
+    this.socket.send(gripper ? { ...message, gripper } : message);
+  }
+
+  _announce() {
+    const detail = { direction: this.hands(), device: this.device };
+    this.dispatchEvent(new CustomEvent("hands", { detail }));
+  }
+
+  _padsChanged() {
+    const there = this.pads.present;
+    if (this.chosen === "gamepad" && there !== this._padWasThere) {
+      this._padWasThere = there;
+      this.socket.note(there ? "pad_plugged" : "pad_unplugged", { pad_id: this.pads.padId.slice(0, 200) });
+      this.dispatchEvent(new CustomEvent("device", { detail: { device: this.device, there } }));
+    }
+    this._announce();
+  }
+
+  _welcome({ last_seq, heartbeat_ms, pace }) {
+    this.seq = Math.max(this.seq, last_seq);
+    this.direction = null; // a new connection has seen no input: tell it what is held
+    this._startBeating(pace === "lockstep" ? 0 : heartbeat_ms);
+    this._changed();
+    this._beat();
+  }
+
+  _startBeating(everyMs) {
+    this._everyMs = everyMs;
+    if (!this._worker) {
+      this._worker = new Worker(new URL("../wire/heartbeat_worker.js", import.meta.url));
+      this._worker.addEventListener("message", () => this._beat());
+    }
+    this._worker.postMessage(everyMs);
+  }
+
+  _beat() {
+    if (!this._everyMs) return;
+    this.socket.send({
+      type: "heartbeat",
+      seq: this.seq,
+      direction: this.direction,
+      visible: !document.hidden,
+      focused: document.hasFocus(),
+      device: this.device,
+    });
+  }
+}

@@ -1,0 +1,93 @@
+// The keyboard as an equal way to drive. Keys by position (so that WASD stay where they are on any layout).
+
+import { lasting } from "../common/store.js";
+
+const AXES = {
+  KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1],
+  KeyA: [1, 1], ArrowLeft: [1, 1], KeyD: [1, -1], ArrowRight: [1, -1],
+  KeyR: [2, 1], KeyE: [2, 1], PageUp: [2, 1], KeyF: [2, -1], KeyQ: [2, -1], PageDown: [2, -1],
+};
+const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "open", KeyO: "open" };
+
+/** What the pages print: [what it does, keys]. */
+export const LEGEND = [
+  ["Forward, back", ["W", "S"], ["↑", "↓"]],
+  ["Left, right", ["A", "D"], ["←", "→"]],
+  ["Up, down", ["R", "F"], ["PgUp", "PgDn"]],
+  ["Grip, let go", ["C", "O"], ["Space", "Enter"]],
+];
+
+function isTyping(target) {
+  return target instanceof Element && target.closest("input, textarea, select, dialog, [contenteditable]") !== null;
+}
+
+function isButton(target) {
+  return target instanceof Element && target.closest("button, a[href], summary") !== null;
+}
+
+/** Emits "hands" on every change of direction and "gripper" (detail "open" | "close") once a press. */
+export class Keyboard extends EventTarget {
+  constructor() {
+    super();
+    this.scope = null; // null = off; a node: keys pressed inside it drive
+    this.down = new Set();
+    addEventListener("keydown", (event) => this._keyDown(event));
+    addEventListener("keyup", (event) => this._keyUp(event));
+    addEventListener("blur", () => this.release());
+    document.addEventListener("focusin", (event) => this.down.size && isTyping(event.target) && this.release());
+  }
+
+  /** Keys drive while they are pressed inside `scope`; null turns them off and lets go of everything. */
+  listen(scope) {
+    this.scope = scope;
+    this.release();
+  }
+
+  /** Held keys as [x, y, z]; opposite keys cancel. */
+  direction() {
+    const total = [0, 0, 0];
+    const held = new Set([...this.down].map((code) => AXES[code].join()));
+    for (const pair of held) {
+      const [axis, sign] = pair.split(",").map(Number);
+      total[axis] += sign;
+    }
+    return total;
+  }
+
+  release() {
+    if (this.down.size === 0) return;
+    this.down.clear();
+    this._changed();
+  }
+
+  _keyDown(event) {
+    if (!this.scope || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target)) return;
+    if (this.scope !== document && !this.scope.contains(event.target)) return;
+    const gripper = GRIPPER[event.code];
+    if (gripper) {
+      if (isButton(event.target) && !event.code.startsWith("Key")) return; // Space and Enter press that button
+      event.preventDefault();
+      if (!event.repeat) this.dispatchEvent(new CustomEvent("gripper", { detail: gripper }));
+      return;
+    }
+    if (!(event.code in AXES)) return;
+    event.preventDefault();
+    if (event.repeat || this.down.has(event.code)) return;
+    this.down.add(event.code);
+    this._changed();
+  }
+
+  _keyUp(event) {
+    if (this.down.delete(event.code)) this._changed();
+  }
+
+  _changed() {
+    this.dispatchEvent(new CustomEvent("hands"));
+  }
+}
+
+/** Which device the person chose in this session; null before the set-up. */
+export const chosenDevice = {
+  get: (session) => lasting.get(`${session}:device`),
+  set: (session, device) => lasting.set(`${session}:device`, device),
+};

@@ -1,0 +1,39 @@
+// What each control does, in words: for the set-up, the side of the drive page, and Help.
+
+import { h } from "../common/dom.js";
+import { LEGEND } from "../hands/keyboard.js";
+import { controlName } from "../hands/mapping.js";
+
+const PAIRS = [
+  ["Forward, back", "forward", "back"],
+  ["Left, right", "left", "right"],
+  ["Up, down", "up", "down"],
+  ["Grip, let go", "close", "open"],
+];
+
+const key = (text) => h("kbd", {}, text);
+
+/** A table of keys; both columns do the same. */
+export function keyboardLegend() {
+  return h(
+    "table",
+    { class: "legend" },
+    h("caption", { class: "visually-hidden" }, "Keys that drive the robot"),
+    h("tbody", {}, LEGEND.map(([what, first, second]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))))),
+  );
+}
+
+/** A table of the learned controls of a pad. */
+export function padLegend(mapping) {
+  return h(
+    "table",
+    { class: "legend" },
+    h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
+    h("tbody", {}, PAIRS.map(([what, ...actions]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, actions.map((action) => key(controlName(mapping[action]))))))),
+  );
+}
+
+/** The legend of the device in use. */
+export function legendFor(input) {
+  return input.device === "gamepad" && input.pads.mapping ? padLegend(input.pads.mapping) : keyboardLegend();
+}

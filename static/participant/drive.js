@@ -1,0 +1,262 @@
+// Practice and trials: the scene, what to do now, what the robot is doing, and the hands.
+
+import { AlertView } from "../readings/alert.js";
+import { legendFor } from "./controls.js";
+import { h, icon, setText } from "../common/dom.js";
+import { indicator } from "./indicator.js";
+import { instructionPicture } from "./picture.js";
+import { Scene } from "./scene.js";
+import { stepButton } from "../common/shell.js";
+import { pausedBody } from "./forms.js";
+
+const SIGNS = {
+  lost: ["lost", "Connection lost", "The robot stands still until the connection is back."],
+  paused: ["pause", "Paused", "Nothing moves and no time passes."],
+  held: ["hand", "On hold", "The lab has not heard from this page for a moment. The robot stands still."],
+  starting: ["hourglass", "Getting ready", "The robot is being put in place. A few seconds."],
+  recovering: ["hourglass", "Recovering", "The robot is being brought back to where it was. A few seconds."],
+  ready: ["play", "Ready", "Press Start when you are."],
+  resetting: ["reset", "Resetting", "The arm goes back to its starting position by itself."],
+  gripper: ["grip", "Gripper moving", "The arm stands still for a second."],
+  running: ["play", "Running", "You can drive."],
+  finished: ["check", "Finished", "The next page follows."],
+};
+const GRIPPER = { open: "Gripper open", closed: "Gripper closed", moving: "Gripper moving" };
+const NOTICE_MS = 7000;
+
+export class DriveView {
+  constructor(context) {
+    const { socket, input, sound, session } = context;
+    Object.assign(this, { context, socket, input, sound });
+    this.scene = new Scene({ socket, session });
+    this.page = null;
+    this.key = null;
+    this.tick = null;
+    this.status = null;
+    this.alert = null;
+    this._build();
+    this._listeners = [
+      [socket, "tick", (event) => this._onTick(event.detail)],
+      [socket, "status", (event) => this._onStatus(event.detail)],
+      [socket, "instruction", (event) => this._instruct(event.detail)],
+      [socket, "state", () => this._refresh()],
+      [input, "device", (event) => this._device(event.detail)],
+      [sound, "state", () => this._refresh()],
+    ];
+    for (const [target, name, handler] of this._listeners) target.addEventListener(name, handler);
+  }
+
+  /** A page for practice_ready, practice, trial_ready, trial or paused. */
+  show(page) {
+    const before = this.page;
+    this.page = page;
+    if (page.state === "paused") {
+      if (this.key === null) {
+        // The first thing this tab sees of the round, after a reload.
+        this.key = `paused:${page.trial}`;
+        this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
+        if (page.content.instruction) this._instruct(page.content.instruction);
+        this._drawProgress(0, page.content.tasks);
+      }
+      this._overlay(pausedBody(this.context, page));
+    } else {
+      const { content } = page;
+      const part = page.state.replace("_ready", "");
+      const key = `${part}:${page.trial}`;
+      const resumed = this.key?.startsWith("paused:");
+      if (resumed) this.scene.key = key; // it is on the screen already
+      if (this.key !== key) {
+        this.key = key;
+        this.tick = null;
+        if (!resumed) this.alert?.clear();
+        this._drawProgress(0, content.tasks);
+      }
+      this.scene.show({ src: content.scene, key, views: content.views });
+      if (content.instruction) this._instruct(content.instruction);
+      this._overlay(page.state.endsWith("_ready") ? this._startCard(part) : null);
+      this.status = content.ready === false ? "starting" : null;
+    }
+    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused") this.region.focus({ preventScroll: true });
+    this._refresh();
+  }
+
+  /** Dialogs take the hands off too. */
+  dialog(open) {
+    this.dialogOpen = open;
+    this._refresh();
+    if (!open && this._driving()) this.region.focus({ preventScroll: true });
+  }
+
+  close() {
+    for (const [target, name, handler] of this._listeners) target.removeEventListener(name, handler);
+    this.input.drive(false);
+    this.alert?.close();
+    this.scene.close();
+    this.hands.close();
+    clearTimeout(this._noticeTimer);
+  }
+
+  _build() {
+    this.signIcon = h("span", { class: "sign-icon" });
+    this.signText = h("strong", {});
+    this.signHint = h("span", { class: "sign-hint" });
+    this.sign = h("div", { class: "sign", role: "status", data: { testid: "state-sign" } }, this.signIcon, h("span", { class: "sign-words" }, this.signText, this.signHint));
+    this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
+    this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
+    this.pictures = h("div", { class: "instruction-picture" });
+    this.instruction = h("section", { class: "side-card instruction", "aria-label": "What to do now" }, h("h2", { class: "visually-hidden" }, "What to do now"), h("div", { "aria-live": "assertive" }, this.words), this.pictures);
+    this.progressText = h("p", { class: "progress-text", data: { testid: "progress" } });
+    this.dots = h("div", { class: "dots", "aria-hidden": "true" });
+    this.hintText = h("span", {});
+    this.hint = h("p", { class: "drive-hint", role: "status", data: { testid: "drive-hint" } }, icon("warning"), this.hintText);
+    this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
+    this.hands = indicator(this.input);
+    this.legend = h("div", { class: "legend-box" });
+    this.soundButton = h("button", { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } }, icon("sound"), "Sound is off: turn it on");
+    this.soundButton.addEventListener("click", () => this.sound.unlock());
+    this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
+    this.overlay = h("div", { class: "overlay", hidden: true });
+    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.soundButton, this.notice, this.hint, this.overlay);
+    this.side = h("aside", { class: "side", "aria-label": "What to do and what the robot is doing" }, this.sign, this.assist, this.instruction,
+      h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
+      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend));
+    this.hands.element.lastChild.append(this.gripper);
+    this.body = h("div", { class: "drive-body" }, h("h1", { class: "visually-hidden" }, "Driving the robot"), this.region, this.side);
+    this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
+    if (this.socket.welcome?.placement === "same_page_away") {
+      this.alert = new AlertView({ socket: this.socket, sound: this.sound, away: true });
+      this.element.append(this.alert.element);
+      this.alert.addEventListener("open", () => {
+        this.context.closeDialogs();
+        this._refresh();
+      });
+      this.alert.addEventListener("released", (event) => {
+        this._refresh();
+        this.region.focus({ preventScroll: true });
+        if (event.detail === "expired") this._say("Time ran out for that reading.");
+      });
+    }
+    this._drawLegend();
+  }
+
+  _startCard(part) {
+    const practice = part === "practice";
+    const { trial, trials } = this.page;
+    const title = practice ? "Practice first" : `Round ${trial} of ${trials}`;
+    const text = practice
+      ? "Pick up the block, move it and put it down again. Take your time; this part does not count."
+      : "The robot is in place. When you press Start, the round begins.";
+    this.start = stepButton({ socket: this.socket, step: "start", label: practice ? "Start practice" : `Start round ${trial}`, busy: "Starting", kind: "primary large", testid: "start-button" });
+    const element = h("section", { class: "start-card", data: { testid: `page-${this.page.state}` } }, h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)), this.start);
+    return element;
+  }
+
+  _overlay(content) {
+    this.overlay.hidden = content === null;
+    this.overlay.className = content?.classList.contains("start-card") ? "overlay low" : "overlay";
+    this.overlay.replaceChildren(...(content ? [content] : []));
+    if (content) (content.querySelector("button") ?? content.querySelector("h1"))?.focus({ preventScroll: true });
+  }
+
+  _onTick(tick) {
+    if (!this._ticking()) return; // the last of a phase whose page is gone already
+    this.tick = tick;
+    if (this.status !== "paused") this.status = null;
+    this._instruct(tick.instruction);
+    this._drawProgress(tick.done_tasks, tick.tasks);
+    setText(this.gripper, tick.holding ? "Gripper holding" : GRIPPER[tick.gripper]);
+    if (tick.notice) this._say(tick.notice);
+    this._refresh();
+  }
+
+  _onStatus({ status }) {
+    this.status = status;
+    this._refresh();
+  }
+
+  _instruct(instruction) {
+    const text = JSON.stringify(instruction);
+    if (text === this._instruction) return;
+    this._instruction = text;
+    setText(this.words, instruction.text);
+    this.words.classList.toggle("long", instruction.text.length > 48);
+    this.instruction.dataset.kind = instruction.kind;
+    this.pictures.replaceChildren(...instructionPicture(instruction));
+  }
+
+  _drawProgress(done, tasks) {
+    const { trial, trials } = this.page;
+    const practice = this.key.startsWith("practice");
+    const unknown = this.key.startsWith("paused:");
+    const where = unknown ? `Round ${trial} of ${trials}` : practice ? `Practice before round ${trial} of ${trials}` : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
+    setText(this.progressText, where);
+    if (this.dots.children.length !== tasks) this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
+    [...this.dots.children].forEach((dot, index) => {
+      dot.className = index < done ? "dot past" : index === done ? "dot present" : "dot";
+    });
+    this.dots.hidden = unknown || practice || tasks < 2;
+  }
+
+  _say(text) {
+    clearTimeout(this._noticeTimer);
+    this.notice.hidden = false;
+    this.notice.replaceChildren(icon("info"), h("p", {}, text));
+    this._noticeTimer = setTimeout(() => (this.notice.hidden = true), NOTICE_MS);
+  }
+
+  _device({ there }) {
+    this._drawLegend();
+    this._say(there ? "The gamepad is back. You can use it again." : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.");
+  }
+
+  _drawLegend() {
+    this.legend.replaceChildren(legendFor(this.input));
+  }
+
+  _ticking() {
+    return this.page !== null && (this.page.state === "practice" || this.page.state === "trial");
+  }
+
+  _driving() {
+    return this._ticking() && this.socket.open && this.status !== "paused" && !this.alert?.covering && !this.dialogOpen;
+  }
+
+  _state() {
+    if (this.socket.state !== "open") return "lost";
+    if (this.page.state === "paused" || this.status === "paused") return "paused";
+    if (["held", "recovering", "starting"].includes(this.status)) return this.status;
+    if (!this._ticking()) return "ready";
+    if (this.tick && this.tick.status !== "running") return this.tick.status;
+    return "running";
+  }
+
+  _refresh() {
+    if (!this.page) return;
+    const state = this._state();
+    if (this.sign.dataset.state !== state) {
+      this.sign.dataset.state = state;
+      const [sign, text, hint] = SIGNS[state];
+      this.signIcon.replaceChildren(icon(sign));
+      setText(this.signText, text);
+      setText(this.signHint, hint);
+    }
+    if (this.start) {
+      const wait = state !== "ready";
+      this.start.disabled = wait;
+      this.start.title = wait ? "The robot is not in place yet." : "";
+      if (!wait && !this.overlay.hidden && document.activeElement === document.body) this.start.focus({ preventScroll: true });
+    }
+    const blocked = state === "running" && this.tick?.blocked;
+    setText(this.hintText, blocked ? "Cannot move further that way" : "");
+    this.hint.classList.toggle("shown", Boolean(blocked));
+    if (state === "lost" || state === "paused") this.notice.hidden = true;
+    const assisting = this.tick?.assisting ?? null;
+    this.assist.hidden = assisting === null;
+    if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");
+    this.soundButton.hidden = this.sound.ready || this.alert === null;
+    this.alert?.pause(state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting");
+    this.alert?.conceal(this.page.state === "paused");
+    this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
+    this.input.drive(this._driving());
+  }
+}

@@ -1,0 +1,92 @@
+// The 3-D picture: viser's own client in a frame that cannot be touched or focused, our signs above it, and views.
+
+import { h, icon, setText } from "../common/dom.js";
+import { labUrl } from "../common/root.js";
+import { tab } from "../common/store.js";
+
+const SIGNS = {
+  lost: "Connection lost. What you see is old; the robot stands still. Trying again.",
+  stale: "The picture of the robot stopped. Connecting to it again.",
+  loading: "Loading the picture of the robot",
+};
+
+export class Scene {
+  constructor({ socket, session }) {
+    this.socket = socket;
+    this.viewKey = `${session}:view`;
+    this.frame = h("iframe", { class: "scene-frame", title: "The robot, the table and the bins", tabindex: "-1", inert: true, data: { testid: "scene-frame" } });
+    this.signText = h("p", {});
+    this.signIcon = h("span", { class: "scene-sign-icon" });
+    this.sign = h("div", { class: "scene-sign", role: "status", data: { testid: "scene-sign" } }, this.signIcon, this.signText);
+    this.views = h("div", { class: "views", role: "group", "aria-label": "Camera view" });
+    this.element = h("div", { class: "scene", data: { testid: "scene" } }, this.frame, this.sign, this.views);
+    this.key = null;
+    this.src = null;
+    this._drawn = false;
+    this._sceneLost = false;
+    // The frame tells whether it is connected (app/web/scene_proxy.py).
+    this._message = (event) => {
+      if (event.source !== this.frame.contentWindow || event.data?.type !== "scene") return;
+      this._sceneLost = !event.data.connected;
+      if (event.data.connected) {
+        this._drawn = true;
+        const view = tab.get(this.viewKey);
+        if (view) this.socket.send({ type: "view", name: view }); // a new scene starts with the first one
+      }
+      this._update();
+    };
+    addEventListener("message", this._message);
+    this._state = () => this._update();
+    socket.addEventListener("state", this._state);
+    this._update();
+  }
+
+  /** `key` changes when another worker draws (practice, each trial): the frame is then loaded anew. */
+  show({ src, key, views }) {
+    const names = (views ?? []).map((view) => view.name).join();
+    if (names !== this._names) {
+      this._names = names;
+      this._drawViews(views ?? []);
+    }
+    if (!src || (src === this.src && key === this.key)) return;
+    this.src = src;
+    this.key = key;
+    this._drawn = false;
+    this._sceneLost = false;
+    this.frame.src = labUrl(src);
+    this._update();
+  }
+
+  close() {
+    removeEventListener("message", this._message);
+    this.socket.removeEventListener("state", this._state);
+  }
+
+  _drawViews(views) {
+    const kept = tab.get(this.viewKey);
+    const shown = views.some((view) => view.name === kept) ? kept : views[0]?.name;
+    const buttons = views.map((view) => {
+      const button = h("button", { type: "button", class: "view", "aria-pressed": view.name === shown ? "true" : "false", data: { testid: `view-${view.name}` } }, view.label);
+      button.addEventListener("click", () => {
+        if (!this.socket.send({ type: "view", name: view.name })) return;
+        for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+        tab.set(this.viewKey, view.name);
+        this.socket.note("view_switched", { view: view.name });
+        button.blur(); // Space and Enter go on to mean the gripper
+      });
+      return button;
+    });
+    this.views.hidden = views.length < 2;
+    this.views.replaceChildren(h("span", { class: "views-label", "aria-hidden": "true" }, "View"), ...buttons);
+  }
+
+  _update() {
+    const kind = this.socket.state !== "open" ? "lost" : !this._drawn ? "loading" : this._sceneLost ? "stale" : null;
+    this.sign.hidden = kind === null;
+    if (kind === null) delete this.sign.dataset.kind;
+    if (kind === null || this.sign.dataset.kind === kind) return;
+    this.sign.dataset.kind = kind;
+    this.signIcon.replaceChildren(kind === "lost" ? icon("lost") : h("span", { class: "spinner large" }));
+    setText(this.signText, SIGNS[kind]);
+  }
+}

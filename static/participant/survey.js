@@ -1,0 +1,111 @@
+// Questionnaires as the lab sends them: one row of radio buttons per item, nothing skipped silently, kept over a reload.
+
+import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
+import { tab } from "../common/store.js";
+
+export function surveyView({ socket, session }, page) {
+  const { instruments } = page.content;
+  const key = `${session}:survey:${page.trial ?? 0}`;
+  const answers = tab.get(key, {});
+  const rows = [];
+  const heading = h("h1", { tabindex: "-1" }, "How was it?");
+  const summary = h("div", { class: "error-summary", role: "alert", tabindex: "-1", hidden: true, data: { testid: "survey-missing" } });
+  const progress = h("p", { class: "survey-progress", role: "status", data: { testid: "survey-progress" } });
+
+  const count = () => {
+    const given = rows.filter((row) => row.value() !== null).length;
+    setText(progress, `${given} of ${rows.length} answered`);
+  };
+
+  const sections = instruments.map((instrument) => {
+    answers[instrument.id] ??= {};
+    return h(
+      "section",
+      { class: "instrument", data: { testid: `instrument-${instrument.id}` } },
+      h("h2", {}, instrument.title),
+      h("p", { class: "intro" }, instrument.intro),
+      instrument.items.map((item) => {
+        const row = itemRow(instrument, item, answers[instrument.id][item.id] ?? null, (value) => {
+          answers[instrument.id][item.id] = value;
+          tab.set(key, answers);
+          count();
+        });
+        rows.push(row);
+        return row.element;
+      }),
+      h("p", { class: "source" }, instrument.source),
+    );
+  });
+
+  const button = h("button", { type: "submit", class: "primary large", data: { testid: "survey-submit" } }, "Save answers and continue");
+  const form = h("form", { novalidate: true }, summary, sections, h("div", { class: "actions sticky" }, progress, button));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const missing = rows.filter((row) => row.check() === false);
+    summary.hidden = missing.length === 0;
+    if (missing.length > 0) {
+      const words = missing.length === 1 ? "One question is not answered yet." : `${missing.length} questions are not answered yet.`;
+      summary.replaceChildren(icon("warning"), h("p", {}, `${words} They are marked below.`));
+      missing[0].focus();
+      return;
+    }
+    whileBusy(button, "Saving", async () => {
+      try {
+        await socket.submit("survey", { answers });
+        tab.remove(key);
+      } catch {
+        // shown as a message; the answers stay
+      }
+    });
+  });
+  count();
+  const trialText = page.trial && page.trials ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.` : "";
+  const element = h("section", { class: "card wide survey", data: { testid: "page-survey" } }, heading, h("p", {}, trialText), form);
+  return { element, heading };
+}
+
+function itemRow(instrument, item, chosen, onChange) {
+  const name = `${instrument.id}.${item.id}`;
+  const errorId = freshId("missing");
+  const error = h("p", { id: errorId, class: "field-error", hidden: true }, icon("warning"), h("span", {}, "Please choose an answer."));
+  const radios = Array.from({ length: instrument.points }, (_, index) => {
+    const value = index + 1;
+    const anchor = value === 1 ? item.low : value === instrument.points ? item.high : null;
+    const radio = h("input", { type: "radio", name, value: String(value), "aria-describedby": errorId, "aria-label": anchor ? `${value}, ${anchor}` : String(value) });
+    if (chosen === value) radio.checked = true;
+    radio.addEventListener("change", () => {
+      error.hidden = true;
+      fieldset.classList.remove("missing");
+      onChange(value);
+    });
+    return radio;
+  });
+  const fieldset = h(
+    "fieldset",
+    { class: "item", data: { testid: `item-${name}` } },
+    h("legend", {}, item.text),
+    h(
+      "div",
+      { class: "scale" },
+      h("span", { class: "anchor low", "aria-hidden": "true" }, item.low),
+      h("div", { class: "points" }, radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value)))),
+      h("span", { class: "anchor high", "aria-hidden": "true" }, item.high),
+    ),
+    error,
+  );
+  const value = () => radios.find((radio) => radio.checked)?.value ?? null;
+  return {
+    element: fieldset,
+    value,
+    focus: () => {
+      fieldset.scrollIntoView({ block: "center" });
+      radios[0].focus({ preventScroll: true });
+    },
+    check: () => {
+      const given = value() !== null;
+      fieldset.classList.toggle("missing", !given);
+      error.hidden = given;
+      return given;
+    },
+  };
+}

@@ -1,0 +1,39 @@
+// Submits and notes that the lab has not acknowledged yet: kept over reloads and lost connections, resent until they are.
+
+import { lasting, randomHex, tab } from "../common/store.js";
+
+const MAX_KEPT = 500;
+
+export class Outbox {
+  /** `name` separates sessions and roles, e.g. "4f2a" or "4f2a:panel". */
+  constructor(name) {
+    this.name = `${name}:outbox`;
+    this.client = tab.get(`${name}:client`) ?? randomHex(8);
+    tab.set(`${name}:client`, this.client);
+    this.counter = 0;
+    this.memory = []; // what storage refused to keep
+  }
+
+  /** Unacknowledged messages, oldest first. */
+  waiting() {
+    return [...lasting.get(this.name, []), ...this.memory];
+  }
+
+  /** Gives the message its id and keeps it; returns it. The same id is never used for two messages. */
+  keep(message) {
+    this.counter += 1;
+    const kept = { ...message, id: `${this.client}.${Date.now().toString(36)}.${this.counter}` };
+    const stored = lasting.get(this.name, []);
+    if (stored.length >= MAX_KEPT || !lasting.set(this.name, [...stored, kept])) this.memory.push(kept);
+    return kept;
+  }
+
+  /** The lab has it, or refused it for good. */
+  drop(id) {
+    this.memory = this.memory.filter((message) => message.id !== id);
+    const stored = lasting.get(this.name, []);
+    const left = stored.filter((message) => message.id !== id);
+    if (left.length === 0) lasting.remove(this.name);
+    else if (left.length !== stored.length) lasting.set(this.name, left);
+  }
+}
