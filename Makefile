@@ -57,7 +57,7 @@ run: $(VENV)/.installed ## install what is missing and start the lab on loopback
 
 test: $(VENV)/.installed-test ## everything: ruff, mypy, every test (installs a Chromium if there is none)
 	@echo "== a browser for the tests"
-	@$(PY) -m tests.chromium
+	@$(PY) -m tests.support.chromium
 	@echo "== ruff"
 	@$(PY) -m ruff check .
 	@echo "== mypy"

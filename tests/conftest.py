@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests import chromium
-from tests import lab_server as labs
-from tests.lab_server import LabServer
+from tests.support import chromium
+from tests.support import lab_server as labs
+from tests.support.lab_server import LabServer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
@@ -169,8 +169,8 @@ def start_lab(tmp_path: Path) -> Iterator[Callable[..., LabServer]]:
 def open_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
     """One lab for the whole session that recruits over an open link and checks devices, behind a proxy that takes the
     path of its public address away. Its base_url and links lead through that proxy."""
-    from tests.reverse_proxy import PrefixProxy
-    from tests.wire_client import OPEN, SHORT, write_study
+    from tests.support.reverse_proxy import PrefixProxy
+    from tests.support.wire_client import OPEN, SHORT, write_study
 
     folder = tmp_path_factory.mktemp("open")
     study = write_study(folder, {**SHORT, **OPEN})
@@ -187,7 +187,7 @@ def quick_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
 
     A participant made with `pace="real_time"` runs against the clock.
     """
-    from tests.wire_client import write_study
+    from tests.support.wire_client import write_study
 
     folder = tmp_path_factory.mktemp("quick")
     arguments = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", str(write_study(folder)))

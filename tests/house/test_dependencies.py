@@ -1,0 +1,108 @@
+"""What pyproject.toml asks for is what the code imports: nothing less, or a fresh machine fails, and nothing more."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
+from pathlib import Path
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+OURS = {"app", "sim", "study", "tests"}
+COMES_WITH = {
+    "starlette": "fastapi",  # its own base, whose names are part of fastapi's interface
+    "pydantic_core": "pydantic",
+    "annotated_types": "pydantic",
+}
+NOT_IMPORTED = {
+    "rtb-data": "only its files are read",
+    "pycollada": "trimesh reads .dae through it",
+    "pytest-asyncio": "a plug-in of pytest",
+    "pytest-xdist": "a plug-in of pytest",
+    "ruff": "a command",
+    "mypy": "a command",
+    "frictionless": "a command",
+}
+
+
+def names(requirements: list[str]) -> set[str]:
+    """The packages of requirement lines, spelled as package indexes compare them."""
+    return {normal(match.group()) for line in requirements if (match := re.match(r"[\w.-]+", line))}
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+RUN = names(PROJECT["dependencies"])
+MESHES = names(PROJECT["optional-dependencies"]["meshes"])
+TEST = names(PROJECT["optional-dependencies"]["test"])
+
+
+def imported(folders: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """(where, top-level module) of every import of somebody else's code, wherever in a file it stands."""
+    for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            modules = []
+            if isinstance(node, ast.Import):
+                modules = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                modules = [node.module or ""]
+            for module in modules:
+                top = module.split(".")[0]
+                if top not in OURS and top not in sys.stdlib_module_names and top != "tomllib":
+                    yield f"{path.relative_to(ROOT)}:{node.lineno}", top
+
+
+@lru_cache(maxsize=1)
+def installed() -> Mapping[str, list[str]]:
+    """Top-level module to packages; reading this takes seconds."""
+    return importlib.metadata.packages_distributions()
+
+
+@cache
+def packages_of(module: str) -> set[str]:
+    """The packages a module may come from; its own name if it is not installed."""
+    parent = COMES_WITH.get(module)
+    found = [parent] if parent else installed().get(module, [module])
+    return {normal(name) for name in found}
+
+
+def test_whatever_the_lab_imports_is_asked_for() -> None:
+    missing = [
+        f"{where} imports {top}"
+        for where, top in imported(("app", "sim", "study"))
+        if not packages_of(top) & (RUN | MESHES)
+    ]
+    assert not missing, "not among the dependencies in pyproject.toml:\n" + "\n".join(missing)
+
+
+def test_whatever_the_tests_import_is_asked_for() -> None:
+    missing = [
+        f"{where} imports {top}" for where, top in imported(("tests",)) if not packages_of(top) & (RUN | MESHES | TEST)
+    ]
+    assert not missing, "not among the dependencies in pyproject.toml:\n" + "\n".join(missing)
+
+
+def test_whatever_is_asked_for_is_used() -> None:
+    used = {name for _, top in imported(tuple(OURS)) for name in packages_of(top)}
+    unused = (RUN | MESHES | TEST) - used - set(NOT_IMPORTED)
+    assert not unused, f"in pyproject.toml and imported nowhere: {', '.join(sorted(unused))}"
+
+
+def test_only_the_meshes_extra_may_be_missing() -> None:
+    """What only that extra brings is imported where it is needed, so that the lab starts without it."""
+    for where, top in imported(("app", "sim", "study")):
+        if not packages_of(top) & RUN:
+            path, _, line = where.partition(":")
+            source = (ROOT / path).read_text(encoding="utf-8").splitlines()[int(line) - 1]
+            assert source.startswith(" "), f"{where} imports {top} at the top of the file"

@@ -1,0 +1,134 @@
+"""What the other tests stand on: the loopback guard, the search for a Chromium, the interpreter `make` picks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import NetworkForbidden, is_loopback
+from tests.support import chromium, lab_server
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def script(path: Path, body: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{body}\n", encoding="utf-8")
+    path.chmod(0o755)
+    return path
+
+
+# --- loopback ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("address", [("192.0.2.1", 80), ("2001:db8::1", 80, 0, 0), ("lab.example", 443)])
+def test_a_test_cannot_leave_the_machine(address: tuple[object, ...]) -> None:
+    family = socket.AF_INET6 if len(address) == 4 else socket.AF_INET
+    with socket.socket(family) as sock:
+        with pytest.raises(NetworkForbidden, match="stay on loopback"):
+            sock.connect(address)
+        with pytest.raises(NetworkForbidden, match="stay on loopback"):
+            sock.connect_ex(address)
+
+
+def test_loopback_still_works() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as client:
+        accepted, _ = server.accept()
+        with accepted:
+            client.sendall(b"hello")
+            assert accepted.recv(5) == b"hello"
+    assert is_loopback(socket.AF_INET6, ("::1", 80, 0, 0))
+    assert is_loopback(socket.AF_UNIX, "/run/some.sock")
+
+
+# --- Chromium ----------------------------------------------------------------------------------------------------
+
+
+def test_a_stub_on_the_path_is_passed_over(tmp_path: Path) -> None:
+    script(tmp_path / "chromium", "echo 'install the snap package instead' >&2; exit 1")
+    script(tmp_path / "chromium-browser", "echo 'Command not known'")
+    good = script(tmp_path / "google-chrome", "echo 'Google Chrome 140.0'")
+    assert chromium.find({"PATH": str(tmp_path)}) == good
+
+
+def test_a_named_chromium_comes_first_and_a_wrong_one_is_an_error(tmp_path: Path) -> None:
+    script(tmp_path / "chromium", "echo 'Chromium 140.0'")
+    named = script(tmp_path / "mine" / "headless", "echo 'Chromium 150.0'")
+    assert chromium.find({"PATH": str(tmp_path), "CHROMIUM": str(named)}) == named
+    with pytest.raises(chromium.NoChromium, match=r"Set CHROMIUM=.*Tried: .*/absent"):
+        chromium.find({"PATH": str(tmp_path), "CHROMIUM": str(tmp_path / "absent")})
+
+
+# --- starting a lab ----------------------------------------------------------------------------------------------
+
+
+def stand_in(root: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something else that is started by `python -m app serve`."""
+    (root / "app").mkdir()
+    (root / "app" / "__main__.py").write_text(body, encoding="utf-8")
+    monkeypatch.setattr(lab_server, "ROOT", root)
+
+
+def test_a_lab_is_ready_when_it_says_so_and_ended_by_its_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    links = '{"base_url": "http://127.0.0.1:5/", "experimenter_link": "e", "demo_link": "d"}'
+    stand_in(tmp_path, f"import signal\nprint('starting')\nprint('READY {links}')\nsignal.pause()", monkeypatch)
+    with lab_server.start(tmp_path / "data") as lab:
+        assert (lab.base_url, lab.experimenter_link, lab.demo_link) == ("http://127.0.0.1:5", "e", "d")
+        assert lab.process.poll() is None
+    assert lab.process.returncode == -signal.SIGTERM
+    assert lab.log().startswith("starting\nREADY")
+
+
+def test_a_lab_that_does_not_start_shows_what_it_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(tmp_path, "import sys\nsys.exit('port 80 is taken')", monkeypatch)
+    with pytest.raises(lab_server.LabDidNotStart, match=r"ended with 1:\nport 80 is taken"):
+        lab_server.start(tmp_path / "data")
+
+
+# --- make --------------------------------------------------------------------------------------------------------
+
+
+def make(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`make` as a user types it, free of what an outer `make test` hands down."""
+    ours = ("MAKE", "MFLAGS", "PYTHON", "VENV", "PORT", "DATA")
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    found = shutil.which("make")
+    assert found, "make is not on PATH"
+    return subprocess.run(
+        [found, *arguments], cwd=ROOT, env={**clean, **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+def test_make_alone_prints_every_target() -> None:
+    printed = make().stdout
+    for target in ("run", "test", "test-fast", "check", "bench", "clean"):
+        assert f"  make {target} " in printed
+
+
+def test_make_passes_over_interpreters_that_do_not_run(tmp_path: Path) -> None:
+    script(tmp_path / "shims" / "python3.11", "echo 'command not found' >&2; exit 127")
+    # Says it is fine, and shows what it was asked to do instead of making an environment.
+    good = script(tmp_path / "bin" / "python3.11", 'case "$1" in -c) exit 0;; *) echo "asked: $*" >&2; exit 9;; esac')
+    done = make(
+        "run",
+        f"VENV={tmp_path / 'venv'}",
+        PATH=f"{tmp_path / 'shims'}:{tmp_path / 'bin'}:/usr/bin:/bin",
+        HOME=str(tmp_path),
+    )
+    assert done.returncode != 0
+    assert f"with {good}" in done.stdout
+    assert f"asked: -m venv --clear {tmp_path / 'venv'}" in done.stderr
+
+
+def test_make_says_when_the_named_interpreter_will_not_do(tmp_path: Path) -> None:
+    old = script(tmp_path / "python3.9", "exit 1")
+    done = make("run", f"PYTHON={old}", f"VENV={tmp_path / 'venv'}")
+    assert done.returncode != 0
+    assert f"PYTHON={old} is not a Python 3.11 or 3.10" in done.stderr
+    assert not (tmp_path / "venv").exists()

@@ -1,0 +1,80 @@
+"""The study file is changed while people take part: each goes on with the study they agreed to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.support.lab_server import LabServer
+from tests.support.wire_client import SHORT, asked, invite, seen_by_experimenter, stored, visit, write_study
+
+CHANGES = {
+    "another title": {'title = "Moving': 'title = "Changed: moving'},
+    "another layout": {'layout = "arc"': 'layout = "rows"'},
+    "fewer objects": {', "sponge_pack"]': "]"},
+    "another consent": {'on_withdrawal = "keep"': 'on_withdrawal = "erase"'},
+}
+
+
+@pytest.fixture
+def launch(start_lab: Callable[..., LabServer], tmp_path: Path) -> Callable[..., LabServer]:
+    """Starts a lab with the short study and these changes to its text, always on the same data folder."""
+
+    def start(changes: dict[str, str]) -> LabServer:
+        study = str(write_study(tmp_path, {**SHORT, **changes}))
+        arguments = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", study)
+        return start_lab(*arguments, data_dir=tmp_path / "data")
+
+    return start
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", sorted(CHANGES))
+async def test_who_was_enrolled_before_a_change_goes_on(launch: Callable[..., LabServer], what: str) -> None:
+    lab = launch({})
+    made = {kind: invite(lab, kind=kind) for kind in ("study", "pilot", "demo")}
+    ticks = {}
+    for kind, invitation in made.items():
+        async with visit(invitation["link"]) as player:
+            await player.reach_trial()
+            for _ in range(3):
+                ticks[kind] = (await player.tick((1, 0, 0))).tick
+    waiting = {kind: invite(lab, kind=kind) for kind in ("study", "pilot", "demo")}  # not begun
+    with stored(lab) as store:
+        before = {row.participant: row.study_hash for row in store.sessions()}
+    lab.close()
+
+    lab = launch(CHANGES[what])
+    new = invite(lab)
+    for kind, invitation in made.items():
+        async with visit(lab.base_url + urlsplit(invitation["link"]).path) as player:
+            await player.page("paused")
+            await player.done("resume")
+            await player.status("running")
+            assert (await player.tick((1, 0, 0))).tick == ticks[kind] + 1
+        assert seen_by_experimenter(lab, invitation["participant"])["place"] == "trial"
+    for invitation in (*waiting.values(), new):
+        async with visit(lab.base_url + urlsplit(invitation["link"]).path) as player:
+            await player.reach_trial()
+            assert (await player.tick()).tick == 0
+    with stored(lab) as store:
+        after = {row.participant: row.study_hash for row in store.sessions()}
+    assert {who: after[who] for who in before} == before
+    assert after[new["participant"]] not in before.values()
+    for route in ("summary", "roster", "sessions", "export"):
+        response = asked(lab, "GET", route)
+        assert response.status_code == 200, (route, response.text)
+
+
+async def test_withdrawing_is_as_the_consent_they_gave_said(launch: Callable[..., LabServer]) -> None:
+    lab = launch({})
+    before = invite(lab)["participant"]
+    lab.close()
+    lab = launch(CHANGES["another consent"])
+    after = invite(lab)["participant"]
+    for who, state in ((before, "withdrawn"), (after, "erased")):
+        response = asked(lab, "POST", f"participants/{who}/withdraw", {})
+        assert response.json() == {"participant": who, "state": state}

@@ -1,0 +1,246 @@
+"""Many studies against the paper's comparisons: each share counted by itself, nothing run twice, misses said."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.__main__ import main
+from app.config import LabError
+from app.replication.comparisons import Contrast, compared, goal_gains, means, shares
+from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, reported
+from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
+from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
+from app.replication.text import report, table, write
+from app.simulated.study import Plan, make_plan, setup_of
+from app.simulated.traits import TRAITS
+from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
+from tests.support.study_values import as_the_paper_found
+
+
+def small_plan() -> Plan:
+    study = changed_study(open_study(None), {"": {"pickups_per_trial": 1}, **preset_changes("fitted")})
+    return Plan(study.source_text, 3, population=fitted_population())
+
+
+# ---- the paper's numbers --------------------------------------------------------------------------------------------
+
+
+def test_signs_are_those_of_the_paper_s_means() -> None:
+    for claim in CLAIMS:
+        of = reported(claim.measure, claim.kind).means
+        assert claim.sign == (of[claim.first] > of[claim.second]) - (of[claim.first] < of[claim.second]), claim
+        assert (claim.margin > 0.0) == (claim.verdict == "same"), claim
+    assert {(claim.measure, claim.kind) for claim in CLAIMS} == {(item.measure, item.kind) for item in REPORTED}
+
+
+# ---- shares ---------------------------------------------------------------------------------------------------------
+
+
+def claim_of(measure: str, kind: str, first: str, second: str):  # type: ignore[no-untyped-def]
+    return next(c for c in CLAIMS if (c.measure, c.kind, c.first, c.second) == (measure, kind, first, second))
+
+
+def test_shares_are_counted_by_themselves() -> None:
+    claim = claim_of("efficiency_ticks", "all", "balanced", "teleoperation")  # paper: fewer ticks
+    studies = [
+        {claim: Contrast(-20.0, 0.01, False)},  # sign and significant
+        {claim: Contrast(-10.0, 0.20, False)},  # sign only
+        {claim: Contrast(+30.0, 0.01, False)},  # the other way
+        {},  # could not be compared: counts against it
+    ]
+    share = shares(studies, [claim])[0]
+    assert (share.same_sign, share.significant, share.opposite) == (0.5, 0.25, 0.25)
+    assert share.mean == pytest.approx(0.0)
+    assert not share.met
+
+
+def test_no_difference_is_counted_within_and_shown() -> None:
+    claim = claim_of("window_rate", "all", "balanced", "teleoperation")
+    studies = [
+        {claim: Contrast(0.001, 0.5, True)},
+        {claim: Contrast(0.002, 0.5, False)},
+        {claim: Contrast(0.004, 0.5, False)},
+        {claim: Contrast(-0.004, 0.01, False)},
+    ]
+    share = shares(studies, [claim])[0]
+    assert (share.within, share.equivalent, share.significant) == (0.5, 0.25, 0.25)
+    assert math.isnan(share.same_sign)
+    assert not share.met
+
+
+def test_large_studies_with_the_paper_s_means_agree_with_it() -> None:
+    rng = np.random.default_rng(1)
+    found = shares([compared(as_the_paper_found(rng, 240))])
+    for share in found:
+        if share.claim.verdict == "different" and share.claim.measure not in CIRCULAR:
+            assert (share.same_sign, share.significant) == (1.0, 1.0), share.claim
+    rates = [share for share in found if share.claim.measure == "window_rate"]
+    assert all(share.equivalent == 1.0 for share in rates)
+
+
+def test_without_effects_about_one_in_twenty_is_significant() -> None:
+    rng = np.random.default_rng(2)
+    claims = [claim for claim in CLAIMS if (claim.measure, claim.kind) == ("efficiency_ticks", "all")]
+    found = shares([compared(as_the_paper_found(rng, 12, effect=0.0), claims) for _ in range(60)], claims)
+    assert np.mean([share.significant + share.opposite for share in found]) < 0.1
+
+
+def test_means_stand_beside_the_paper_s() -> None:
+    rng = np.random.default_rng(3)
+    rows = means([as_the_paper_found(rng, 60) for _ in range(5)])
+    row = next(r for r in rows if (r.measure, r.kind, r.condition) == ("efficiency_ticks", "all", "balanced"))
+    assert (row.paper_mean, row.paper_sd) == (117.2, 53.61)
+    assert row.mean == pytest.approx(117.2, rel=0.05)
+    assert row.interval[0] < row.mean < row.interval[1]
+    assert row.within_sd
+
+
+def test_gain_by_goals_tells_rising_from_falling() -> None:
+    rng = np.random.default_rng(4)
+    values = as_the_paper_found(rng, 24)
+    key = ("belief_gain", "all")
+    tilted = tuple(
+        type(one)(**{**vars(one), "value": 0.01 * one.goals * (1 if one.condition == "balanced" else -1)})
+        for one in values.observations[key]
+    )
+    rows = {row.condition: row for row in goal_gains([Values({**values.observations, key: tilted})])}
+    assert rows["balanced"].rising == 1.0
+    assert rows["goal_oriented"].rising == 0.0
+    assert rows["balanced"].by_goals[6] == pytest.approx(0.06)
+
+
+# ---- running --------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_s_values_are_those_of_its_people() -> None:
+    values = run_study(small_plan(), 2, 0)
+    assert values.counts["participants"] == 2
+    assert values.counts["tasks"] == 2 * 3 * 2
+    assert {one.participant for one in values.observations["efficiency_ticks", "all"]} == {"S001", "S002"}
+    assert len(values.observations["sus_modified", "all"]) == 6
+
+
+def test_studies_differ_and_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = run_studies(small_plan(), 2, 2, 1, tmp_path / "studies")
+    assert first[0] != first[1]
+    assert len({study_seed(3, study) for study in range(100)}) == 100
+    monkeypatch.setattr("app.replication.studies.run_study", None)  # nothing is run again
+    assert run_studies(small_plan(), 2, 2, 1, tmp_path / "studies") == first
+
+
+@pytest.mark.slow
+def test_two_processes_find_the_same() -> None:
+    assert run_studies(small_plan(), 2, 1, 2, None) == run_studies(small_plan(), 2, 1, 1, None)
+
+
+def test_studies_of_another_run_are_not_mixed_in(tmp_path: Path) -> None:
+    Archive(tmp_path, {"seed": 1}).open()
+    with pytest.raises(LabError, match="studies with another seed"):
+        Archive(tmp_path, {"seed": 2}).open()
+
+
+# ---- one thing at a time --------------------------------------------------------------------------------------------
+
+
+def test_each_variation_changes_one_thing_and_can_be_run() -> None:
+    plan = make_plan(1, "kinematic", "fitted")
+    texts = {plan.study_text}
+    base = plan.study_text.split("\n")
+    for variation in variations(plan):
+        changed = varied(plan, variation)
+        lines = [line for line in changed.study_text.split("\n") if line not in base]
+        people = dict(changed.population.means) != dict(plan.population.means)
+        assert (len(lines) == 1) != (people or changed.population.spread_scale != 1.0), variation.name
+        texts.add(changed.study_text)
+    assert len(texts) > 12
+
+
+def test_alpha_is_varied_around_its_calibration() -> None:
+    plan = make_plan(1, "kinematic", "fitted")
+    half = next(item for item in variations(plan) if item.name == "alpha x 3")
+    alpha = setup_of(plan.study_text).parameters("balanced").alpha
+    assert setup_of(varied(plan, half).study_text).parameters("balanced").alpha == pytest.approx(3 * alpha, rel=1e-4)
+
+
+# ---- the report -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def result() -> Replication:
+    rng = np.random.default_rng(5)
+    studies = tuple(as_the_paper_found(rng) for _ in range(3))
+    plan = make_plan(1, "kinematic", "fitted")
+    nothing = compare_all([as_the_paper_found(rng, effect=0.0) for _ in range(3)], 1)
+    other = next(item for item in variations(plan) if item.name == "alpha / 3")
+    rows = ((other, shares(nothing)),)
+    base = shares(compare_all(studies, 1))
+    return Replication(plan, "fitted", 12, studies, base, means(studies), goal_gains(studies), rows, base, 3)
+
+
+def test_the_report_holds_every_comparison_and_parameter(result: Replication) -> None:
+    text = report(result)
+    for item in result.shares:
+        assert f"{item.claim.kind}: " in text
+    for trait in TRAITS:
+        assert trait in text
+    for word in ("alpha / 3", "circular", "margin", "seed 1", "Calibration", "not blind"):
+        assert word in text
+    assert "nan" not in text.lower().replace("finance", "")
+    assert len(table(result).splitlines()) == 1 + len(CLAIMS)
+
+
+def test_what_a_variation_moves_is_said(result: Replication) -> None:
+    """Without effects, efficiency loses its significance; the report names the variation that did it."""
+    text = report(result)
+    line = next(line for line in text.splitlines() if line.startswith("- **efficiency all: goal - teleop**"))
+    assert "alpha / 3: " in line
+    assert "p<.05" in line
+
+
+def test_tables_are_written(result: Replication, tmp_path: Path) -> None:
+    write(result, tmp_path)
+    with (tmp_path / "comparisons.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(CLAIMS)
+    assert all(0.0 <= float(row["significant"]) <= 1.0 for row in rows)
+    with (tmp_path / "means.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 3 * len(REPORTED)
+
+
+def test_the_whole_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["replicate", "--studies", "1", "--participants", "2", "--vary", "0", "--out", str(out)]) == 0
+    assert "gain pickup: balanced - goal" in capsys.readouterr().out
+    assert "1 simulated studies of 2 participants" in (out / "replication.md").read_text(encoding="utf-8")
+    assert json.loads((out / "studies" / "settings.json").read_text())["participants"] == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--studies", "0"], "studies is 0; it must be from 1 to 10000"),
+        (["--participants", "1"], "takes at least 2"),
+        (["--vary", "-1"], "vary is -1; it must be from 0"),
+        (["--studies", "3", "--vary", "4"], "from 0 (vary nothing) to 3"),
+        (["--seed", "-5"], "seed -5; it must be from 0"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replicate", *arguments]) == 1
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("all of it")
+    with pytest.raises(LabError, match="not of an earlier run"):
+        check_place(tmp_path)
+    with pytest.raises(LabError, match="not of an earlier run"):
+        replicate(small_plan(), "fitted", 1, 2, 1, 0, tmp_path)

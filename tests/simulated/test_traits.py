@@ -1,0 +1,189 @@
+"""Simulated people: traits that differ, streams of their own, and hands that behave as said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from app.config import LabError
+from app.simulated.answers import Experience, survey_answers
+from app.simulated.driver import Driver
+from app.simulated.pilot import Sight
+from app.simulated.traits import TRAITS, Population, Traits, draw_traits, stream
+from app.trial.values import OperatorInput
+from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
+from sim.kinematic import KinematicRobot
+from sim.layouts import LAYOUTS, scene
+from study.flow.answers import score, validate_surveys
+from tests.support.study_samples import OBJECTS, shipped_study
+
+SPEED_M_S = 0.03
+
+
+@cache
+def average() -> Traits:
+    return draw_traits(Population(spread_scale=0.0), np.random.default_rng(0))
+
+
+# ---- who they are ---------------------------------------------------------------------------------------------------
+
+
+def test_individuals_differ_and_stay_within_bounds() -> None:
+    people = [draw_traits(Population(), stream(seed, "traits")) for seed in range(200)]
+    for name, trait in TRAITS.items():
+        values = [getattr(person, name) for person in people]
+        assert all(trait.low <= value <= trait.high for value in values), name
+        assert len(set(values)) > 100, name
+
+
+def test_the_mean_of_a_trait_is_where_the_population_puts_it() -> None:
+    rng = np.random.default_rng(1)
+    times = [draw_traits(Population({"away_s": 6.0}), rng).away_s for _ in range(4000)]
+    assert np.mean(times) == pytest.approx(6.0, rel=0.02)
+
+
+def test_without_spread_everyone_has_the_means() -> None:
+    one, other = (draw_traits(Population(spread_scale=0.0), np.random.default_rng(seed)) for seed in (1, 2))
+    assert [getattr(one, name) for name in TRAITS] == [getattr(other, name) for name in TRAITS]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"means": {"spee": 1.0}}, "traits are rationality"),
+        ({"means": {"look": 2.0}}, "from 0 to 0.6"),
+        ({"spread_scale": -1.0}, "from 0 to 5"),
+    ],
+)
+def test_a_population_that_cannot_be_is_told(wrong: dict, told: str) -> None:
+    with pytest.raises(LabError, match=told):
+        Population(**wrong)
+
+
+def test_every_purpose_trial_and_alert_has_a_stream_of_its_own() -> None:
+    keys = [("traits",), ("trial", 1), ("trial", 2), ("practice", 1), ("alerts", 1, 1), ("alerts", 1, 2), ("survey", 1)]
+    first = [stream(5, *key).random() for key in keys]  # type: ignore[arg-type]
+    assert len(set(first)) == len(keys)
+    assert first == [stream(5, *key).random() for key in keys]  # type: ignore[arg-type]
+
+
+# ---- how they drive -------------------------------------------------------------------------------------------------
+
+
+def drive(traits: Traits, seed: int, ticks: int = 600, target: int = 3) -> tuple[list[OperatorInput], str | None]:
+    """Inputs of a person who picks an object up, and what ended up in the fingers."""
+    spec = scene(LAYOUTS["arc"], OBJECTS)
+    robot = KinematicRobot()
+    robot.reset(spec)
+    driver = Driver(traits, np.random.default_rng(seed), SPEED_M_S * TICK_S)
+    inputs: list[OperatorInput] = []
+    name = OBJECTS[target]
+    for _ in range(ticks):
+        world = robot.observe()
+        if world.held is not None:
+            break
+        sight = Sight(
+            world.position_world_gripper_m, world.held, world.gripper, world.object(name).grasp_world_m, (0.5, 0.5, 0.9)
+        )
+        inputs.append(driver.act(name, sight))
+        run_tick(robot, command(inputs[-1]))
+    return inputs, robot.observe().held
+
+
+def command(operator: OperatorInput) -> RobotCommand:
+    if operator.gripper is not None:
+        return still(operator.gripper)
+    if operator.direction is None:
+        return still()
+    direction = np.array(operator.direction) / np.linalg.norm(operator.direction)
+    return steady(direction, SPEED_M_S)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_people_of_all_kinds_get_the_object(seed: int) -> None:
+    _, held = drive(draw_traits(Population(), stream(seed, "traits")), seed, target=seed % 6)
+    assert held == OBJECTS[seed % 6]
+
+
+def test_hands_are_never_still_for_as_long_as_a_window_unless_called_away() -> None:
+    """Five ticks without input are what the paper calls a window; looking at things makes none."""
+    for seed in range(4):
+        inputs, _ = drive(replace(average(), pause=4.0, fine_pause=4.0, checks=0.0), seed)
+        longest = still_for = 0
+        for operator in inputs:
+            busy = operator.direction is not None or operator.gripper is not None
+            still_for = 0 if busy else still_for + 1
+            longest = max(longest, still_for)
+        assert 1 <= longest <= 4
+
+
+def test_mostly_one_or_two_axes_are_used() -> None:
+    counts = [
+        sum(map(abs, operator.direction))
+        for seed in range(3)
+        for operator in drive(average(), seed)[0]
+        if operator.direction
+    ]
+    assert set(counts) <= {1, 2}
+    assert np.mean([count == 1 for count in counts]) > 0.5
+
+
+def test_a_person_who_hesitates_takes_longer() -> None:
+    quick = [
+        len(drive(replace(average(), pause=1.0, fine_pause=1.0, checks=0.0, look=0.0), seed)[0]) for seed in range(5)
+    ]
+    slow = [
+        len(drive(replace(average(), pause=4.0, fine_pause=4.0, checks=5.0, look=0.2), seed)[0]) for seed in range(5)
+    ]
+    assert np.mean(slow) > 1.5 * np.mean(quick)
+
+
+def test_a_reading_takes_the_hands_away_for_exactly_that_long() -> None:
+    driver = Driver(average(), np.random.default_rng(0), 0.015)
+    sight = Sight((0.70, 0.0, 0.88), None, "open", (0.84, 0.27, 0.85), (0.5, 0.5, 0.9))
+    assert driver.act("wipes_tub", sight).direction is not None
+    driver.leave(7)
+    assert [driver.act("wipes_tub", sight).direction for _ in range(7)] == [None] * 7
+    assert not driver.away
+    assert driver.act("wipes_tub", sight).direction is not None
+
+
+def test_a_look_ends_when_the_arm_goes_where_it_should_not() -> None:
+    traits = replace(average(), pause=4.0, look=1.0)
+    sight = Sight((0.70, 0.0, 0.88), None, "open", (0.772, 0.40, 0.85), (0.5, 0.5, 0.9))
+    driver = Driver(traits, np.random.default_rng(0), 0.015)
+    driver.act("wipes_tub", sight)
+    assert driver.act("wipes_tub", sight).direction is None  # looks, for four ticks
+    away = replace(sight, position_m=(0.70, -0.03, 0.88))
+    driver.act("wipes_tub", sight)
+    assert driver.act("wipes_tub", away).direction is not None
+
+
+def test_the_wrong_object_and_a_missed_grasp_are_let_go() -> None:
+    driver = Driver(average(), np.random.default_rng(0), 0.015)
+    missed = Sight((0.84, 0.27, 0.85), None, "closed", (0.84, 0.27, 0.85), (0.5, 0.5, 0.9))
+    assert driver.act("wipes_tub", missed).gripper == "open"
+    assert driver.act("wipes_tub", replace(missed, held="sponge_pack")).gripper == "open"
+
+
+# ---- what they say --------------------------------------------------------------------------------------------------
+
+
+def test_answers_are_complete_and_follow_the_stated_model() -> None:
+    study = shipped_study()
+
+    def mean_scores(felt: Experience) -> tuple[float, float]:
+        rng = np.random.default_rng(2)
+        given = [survey_answers(study, average(), felt, rng) for _ in range(60)]
+        assert all(validate_surveys(study, answers) == () for answers in given)
+        usability = np.mean([score("sus_modified", answers["sus_modified"]) for answers in given])
+        workload = np.mean([score("tlx_raw", answers["tlx_raw"]) for answers in given])
+        return float(usability), float(workload)
+
+    calm = mean_scores(Experience(minutes=7.0, failures=0, missed=0, contrary=0.0))
+    annoyed = mean_scores(Experience(minutes=7.0, failures=0, missed=0, contrary=0.4))
+    assert annoyed[0] < calm[0] - 0.5
+    assert annoyed[1] > calm[1] + 0.5

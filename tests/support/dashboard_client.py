@@ -1,0 +1,57 @@
+"""A dashboard's socket, as tests use it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+from websockets.asyncio.client import ClientConnection, connect
+
+from tests.support.lab_server import LabServer
+from tests.support.wire_client import MESSAGE_WITHIN_S
+
+Line = dict[str, Any]
+
+
+class Dashboard:
+    """One dashboard's socket: what it was told, one message at a time."""
+
+    def __init__(self, wire: ClientConnection) -> None:
+        self.wire = wire
+        self.lines: dict[str, Line] = {}
+
+    async def next(self) -> Line:
+        message: Line = json.loads(await asyncio.wait_for(self.wire.recv(), MESSAGE_WITHIN_S))
+        if message["type"] == "overview":
+            self.lines |= {line["participant"]: line for line in message["sessions"]}
+        return message
+
+    async def line(self, participant: str, where: Callable[[Line], bool] = lambda line: True) -> Line:
+        """Listen until the participant's line is like this."""
+        while participant not in self.lines or not where(self.lines[participant]):
+            await self.next()
+        return self.lines[participant]
+
+    async def watch(self, participant: str | None) -> None:
+        await self.wire.send(json.dumps({"type": "watch", "participant": participant}))
+
+    async def news(self, where: Callable[[Line], bool] = lambda message: True) -> Line:
+        """Listen until something about the opened session arrives that is like this."""
+        while True:
+            message = await self.next()
+            if message["type"] == "watched" and where(message):
+                return message
+
+
+def socket_url(lab: LabServer) -> str:
+    return lab.base_url.replace("http", "ws", 1) + "/dashboard/socket"
+
+
+@contextlib.asynccontextmanager
+async def dashboard(lab: LabServer) -> AsyncIterator[Dashboard]:
+    async with connect(socket_url(lab), proxy=None, max_size=None) as wire:
+        await wire.send(json.dumps({"type": "hello", "token": lab.experimenter_token}))
+        yield Dashboard(wire)

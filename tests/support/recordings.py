@@ -1,0 +1,40 @@
+"""What earlier versions of the lab wrote (`recorded/SCHEMA/ROBOT`), copied to where a test may change it."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from pathlib import Path
+
+from study.store import open_store
+
+RECORDED = Path(__file__).with_name("recorded")
+FIRST = "0001"
+ROBOTS = ("kinematic", "bullet")
+FINISHED, MIDWAY, ERASED, PILOT, DEMO = "P001", "P002", "P003", "T004", "D005"
+TICKS_MIDWAY = 6
+
+
+def recorded_data(robot: str, place: Path, schema: str = FIRST) -> Path:
+    """A data folder as that schema's lab left it."""
+    folder = place / f"data-{schema}-{robot}"
+    folder.mkdir()
+    shutil.copy(RECORDED / schema / robot / "lab.sqlite", folder)
+    return folder
+
+
+def recorded_export(robot: str, place: Path, schema: str = FIRST) -> Path:
+    """The export of that data folder, unpacked, pilot included."""
+    folder = place / f"export-{schema}-{robot}"
+    with zipfile.ZipFile(RECORDED / schema / robot / "export.zip") as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def study_file(data: Path, place: Path) -> Path:
+    """The study file that the participants of a data folder were enrolled with."""
+    with open_store(data, must_exist=True) as store, store.snapshot() as recorded:
+        (text,) = recorded.study_texts().values()
+    path = place / "as-enrolled.toml"
+    path.write_text(text, encoding="utf-8", newline="")
+    return path

@@ -1,0 +1,116 @@
+"""From a participant's plan to a trial's set-up: the instructed things stand where the plan puts them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from app.autonomy.transition import TransitionModel
+from app.trial.setup import study_setup
+from app.trial.values import RobotTiming
+from sim.objects import PRACTICE_OBJECT
+from study.definition.study import Study, parse_study, plan_session
+from tests.support.engine_cases import CONDITIONS, paper_study
+from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
+
+ORDER = ("balanced", "teleoperation", "goal_oriented")
+PLAN = plan_session(shipped_study(), ORDER, seed=11)
+
+
+def changed(old: str, new: str) -> Study:
+    text = shipped_study().source_text
+    assert old in text
+    return parse_study(text.replace(old, new), layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+
+
+@pytest.mark.parametrize("trial", [1, 2, 3])
+def test_a_trial_follows_its_plan(trial: int) -> None:
+    drawn = PLAN.trial(trial)
+    setup = paper_study().trial_setup("p01", PLAN, trial, "trial")
+    assert (setup.participant, setup.trial, setup.condition) == ("p01", trial, ORDER[trial - 1])
+    assert setup.parameters == paper_study().parameters(ORDER[trial - 1])
+    assert [(cycle.object, cycle.bin) for cycle in setup.cycles] == [(p.object, p.bin) for p in drawn.pickups]
+
+
+@pytest.mark.parametrize("trial", [1, 2, 3])
+def test_every_object_stays_on_its_slot_until_it_was_instructed(trial: int) -> None:
+    drawn = PLAN.trial(trial)
+    setup = paper_study().trial_setup("p01", PLAN, trial, "trial")
+    slots = dict(zip(drawn.placement, paper_study().layout.slots, strict=True))
+    left = list(drawn.placement)
+    for cycle in setup.cycles:
+        assert [placed.spec.id for placed in cycle.scene.objects] == left
+        assert all(placed.base_world_m[:2] == slots[placed.spec.id] for placed in cycle.scene.objects)
+        assert cycle.object in left
+        left.remove(cycle.object)
+    assert [len(cycle.scene.objects) for cycle in setup.cycles] == [6, 5, 4]
+
+
+@pytest.mark.parametrize("trial", [1, 2, 3])
+def test_practice_has_one_object_of_its_own_under_the_trial_s_condition(trial: int) -> None:
+    setup = paper_study().trial_setup("p01", PLAN, trial, "practice")
+    (cycle,) = setup.cycles
+    assert [placed.spec for placed in cycle.scene.objects] == [PRACTICE_OBJECT]
+    assert (cycle.object, cycle.bin) == (PRACTICE_OBJECT.id, None)
+    assert (setup.kind, setup.condition) == ("practice", ORDER[trial - 1])
+
+
+def test_numbers_of_the_study_file_reach_the_trial() -> None:
+    study = changed(
+        "gripper_ticks = 2             # a tick is 0.5 s\nsettle_timeout_ticks = 12\nreset_ticks = 4",
+        "gripper_ticks = 3\nsettle_timeout_ticks = 20\nreset_ticks = 9",
+    )
+    setup = replace(paper_study(), study=study).trial_setup("p01", PLAN, 1, "trial")
+    assert setup.timing == RobotTiming(0.04, gripper_ticks=3, settle_timeout_ticks=20, reset_ticks=9)
+    assert paper_study().trial_setup("p01", PLAN, 1, "trial").timing == RobotTiming()
+
+
+def test_each_condition_has_its_arbiter_and_all_share_the_model() -> None:
+    setup = paper_study()
+    made = {name: setup.parameters(name) for name in CONDITIONS}
+    assert {name: parameters.condition for name, parameters in made.items()} == {name: name for name in CONDITIONS}
+    assert {parameters.transition for parameters in made.values()} == {TransitionModel("mix", 0.05, 0.2)}
+    assert {parameters.rationality_per_m for parameters in made.values()} == {5.0}
+    assert setup.calibration is not None
+    assert made["balanced"].alpha == setup.calibration.alpha > 0.0
+    assert made["goal_oriented"].alpha == 0.0
+
+
+def test_alpha_is_the_same_in_every_lab_that_runs_the_same_file() -> None:
+    assert study_setup(shipped_study()).parameters("balanced") == paper_study().parameters("balanced")
+
+
+def test_alpha_given_as_a_number_is_taken_and_nothing_is_calibrated() -> None:
+    setup = study_setup(changed('alpha = "calibrated"', "alpha = 0.25"))
+    assert setup.calibration is None
+    assert setup.parameters("balanced").alpha == 0.25
+
+
+def test_alpha_depends_on_the_model_the_study_chooses() -> None:
+    sharp = study_setup(changed("rationality_per_m = 5.0", "rationality_per_m = 50.0"))
+    assert sharp.parameters("balanced").alpha != paper_study().parameters("balanced").alpha
+
+
+def test_everything_that_can_be_instructed_has_words() -> None:
+    labels = paper_study().labels()
+    assert set(labels.objects) >= {*shipped_study().objects, PRACTICE_OBJECT.id}
+    assert set(labels.bins) >= set(shipped_study().bins)
+    assert all(labels.objects.values()) and all(labels.bins.values())
+
+
+def test_the_record_holds_every_parameter_as_json() -> None:
+    stored = json.loads(json.dumps(paper_study().parameters_json("balanced")))
+    parameters = paper_study().parameters("balanced")
+    assert stored["alpha"] == parameters.alpha
+    assert stored["transition"] == {"kind": "mix", "step_m": 0.05, "planning_delay": 0.2}
+    assert set(stored) == set(vars(parameters))
+
+
+def test_a_trial_s_row_says_how_it_was_laid_out() -> None:
+    row = paper_study().trial_row("p01", PLAN, 2)
+    assert (row.participant, row.trial, row.condition, row.layout) == ("p01", 2, "teleoperation", "arc")
+    assert tuple(json.loads(row.placement)) == PLAN.trial(2).placement
+    assert json.loads(row.parameters) == json.loads(json.dumps(paper_study().parameters_json("teleoperation")))
+    assert (row.outcome, row.ticks, row.started_utc) == ("running", 0, None)
