@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from app.config import LOOPBACK, LabConfig, LabError, public_url
+from app.config import LOOPBACK, LabConfig, public_url
+from app.errors import LabError
 from app.study_commands import add_study_commands
 from study.records import StudyError, utc_text
 

@@ -1,4 +1,4 @@
-"""Every setting of the lab with its default, and the error all edges report.
+"""Every setting of the lab with its default.
 
 What a *study* is made of stands in the study file (`study.definition.study`); this is how the lab itself runs.
 """
@@ -11,10 +11,7 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
-
-class LabError(RuntimeError):
-    """Something the lab cannot do; the message is one line that says what and what would help."""
-
+from app.errors import LabError
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 EVERY_ADDRESS = ("", "0.0.0.0", "::")

@@ -8,7 +8,7 @@ import re
 import sys
 from pathlib import Path
 
-from app.config import LabError
+from app.errors import LabError
 
 
 def add_study_commands(commands) -> None:  # type: ignore[no-untyped-def]
@@ -30,7 +30,8 @@ def add_study_commands(commands) -> None:  # type: ignore[no-untyped-def]
 
 def new_study_text(title: str, file: Path, preset: str) -> str:
     """The paper's study with another title and a preset's coefficients, its comments naming the file."""
-    from app.simulated.variants import changed_study, open_study, preset_changes
+    from app.simulated.variants import changed_study, preset_changes
+    from app.trial.world import open_study
 
     text = changed_study(open_study(None), preset_changes(preset)).source_text
     text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title, ensure_ascii=False)}", text, flags=re.M)
@@ -61,8 +62,8 @@ def _new(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from app.simulated.variants import open_study
     from app.trial.setup import calibration_text, study_setup
+    from app.trial.world import open_study
     from study.definition.study import StudyFileError
     from study.flow.overview import overview
 

@@ -21,14 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from app.config import LabError
+from app.errors import LabError
 from app.progress_bar import ProgressBar
 from app.replication.paper import TELEOPERATION, reported
 from app.simulated.participant import simulate_trial
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs
 from app.simulated.traits import TRAITS, Population
-from app.simulated.variants import Changes, changed_study, open_study
+from app.simulated.variants import Changes, changed_study
 from app.trial.robots import make_robot
+from app.trial.world import open_study
 from study.analysis.measures import Measures, measure
 from study.analysis.summaries import summarise
 

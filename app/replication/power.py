@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.config import LabError
+from app.errors import LabError
 from app.progress_bar import ProgressBar
 from app.replication.comparisons import ALPHA, compared
 from app.replication.paper import CIRCULAR, CLAIMS, Claim

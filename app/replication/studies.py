@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.config import LabError
+from app.errors import LabError
 from app.progress_bar import ProgressBar
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials

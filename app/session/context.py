@@ -17,8 +17,8 @@ from app.session.round_trips import RoundTrips
 from app.session.running_trial import Phase
 from app.session.spectators import Onlookers
 from app.session.worker_link import WorkerLink
-from app.trial.cycles import cycle_to_json
 from app.trial.engine import CycleStart
+from app.trial.values import cycle_to_json
 from app.wire import Instruction, Status
 from study.flow.distractor import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of

@@ -17,7 +17,7 @@ from app.autonomy.actions import index_of
 from app.autonomy.arbiter import ArbiterParameters, entropy_weights, evaluate
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
-from app.session.pages import Labels
+from app.trial.labels import Labels
 from app.trial.values import TrialSetup
 from sim.interface import SceneSpec, Vector3
 from study.records import TickRow

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from app.config import LabConfig
-from app.session.pages import Labels
+from app.trial.labels import Labels
 from app.wire import Message
 from app.worker.messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study

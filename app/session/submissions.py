@@ -11,10 +11,10 @@ from app.session.context import Stage
 from app.session.interfaces import Client
 from app.session.private_text import apart
 from app.session.transitions import Course
-from app.steps import STEPS, AlertData, Refused, StepContext, parse
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
 from study.flow import protocol
+from study.flow.steps import STEPS, AlertData, Refused, StepContext, parse
 from study.records import EventRow
 
 

@@ -11,8 +11,7 @@ from typing import Any, Literal
 
 from app.session import pages
 from app.session.context import Stage
-from app.trial.cycles import cycle_from_json
-from app.trial.values import CycleStart
+from app.trial.values import CycleStart, cycle_from_json
 from app.worker.messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
 from study.definition.study import reading
 from study.flow import protocol

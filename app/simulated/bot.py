@@ -19,7 +19,7 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import OperatorInput
 from app.wire import (

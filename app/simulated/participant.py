@@ -16,7 +16,6 @@ from app.simulated.answers import Experience, comprehension_answers, demographic
 from app.simulated.driver import Driver, ticks_of
 from app.simulated.pilot import Sight
 from app.simulated.traits import Population, Traits, draw_traits, stream
-from app.steps import STEPS, StepContext
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup
 from app.trial.values import OperatorInput, TickResult, TrialView
@@ -25,6 +24,7 @@ from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
 from study.flow import protocol
 from study.flow.distractor import DistractorState
 from study.flow.protocol import Event, Session
+from study.flow.steps import STEPS, StepContext
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
 
 FIRST_DAY_UNIX_S = 946_684_800.0

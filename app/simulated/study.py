@@ -24,13 +24,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from app.config import LabError
+from app.errors import LabError
 from app.progress_bar import ProgressBar
 from app.simulated.participant import Case, Record, simulate_participant
 from app.simulated.traits import Population
-from app.simulated.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
+from app.simulated.variants import changed_study, fitted_population, preset_changes
 from app.trial.robots import ROBOTS, make_robot
 from app.trial.setup import StudySetup, study_setup
+from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
 from study.export.export import write_tables
 from study.records import SCHEMA_VERSION, TABLES

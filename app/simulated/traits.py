@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.config import LabError
+from app.errors import LabError
 
 Purpose = Literal["traits", "practice", "trial", "alerts", "survey", "forms"]
 _PURPOSES: tuple[Purpose, ...] = ("traits", "practice", "trial", "alerts", "survey", "forms")

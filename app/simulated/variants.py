@@ -12,27 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from app.autonomy.arbiter import PRESETS
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.traits import Population
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
-from study.definition.study import Study, load_study, parse_study
+from app.trial.world import parse_text
+from study.definition.study import Study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
 PRESET_NAMES = ("paper", "lab", "fitted")
 
 Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""
-
-
-def known_layouts() -> dict[str, int]:
-    """The layouts there are and their numbers of slots."""
-    return {name: len(layout.slots) for name, layout in LAYOUTS.items()}
-
-
-def open_study(path: Path | None) -> Study:
-    """The study file, or the paper's study, checked against this lab's world."""
-    return load_study(path, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 
 def changed_study(study: Study, changes: Changes) -> Study:
@@ -47,11 +36,6 @@ def changed_study(study: Study, changes: Changes) -> Study:
     if text == study.source_text:
         return study
     return parse_text(text, "changed study")
-
-
-def parse_text(text: str, name: str) -> Study:
-    """The study of a file's text; `name` is what errors call it. Raises `StudyFileError`."""
-    return parse_study(text, name=name, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 
 def preset_changes(name: str | None) -> Changes:
@@ -81,10 +65,6 @@ def fitted() -> dict[str, Any]:
 def fitted_population() -> Population:
     """The population calibrated on pure teleoperation; all presets use it."""
     return Population(means=dict(fitted()["participants"]))
-
-
-def _bins() -> tuple[str, ...]:
-    return tuple(item.id for item in next(iter(LAYOUTS.values())).bins)
 
 
 def _replaced(text: str, section: str, key: str, value: Any) -> str:

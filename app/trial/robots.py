@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.config import LabError
+from app.errors import LabError
 from sim.interface import Robot
 
 if TYPE_CHECKING:

@@ -1,7 +1,8 @@
-"""What a trial depends on and what a tick of it leaves behind: frozen values, picklable, with no behaviour."""
+"""What a trial depends on and what a tick of it leaves behind: frozen values, picklable, and their way to text."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -120,3 +121,16 @@ def inputs_of(row: TickRow) -> OperatorInput:
     elif row.gripper_input == "close":
         gripper = "close"
     return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
+
+
+def cycle_to_json(start: CycleStart) -> str:
+    """The start of a cycle as one line of JSON."""
+    delivered = [[name, pose.position_world_m, pose.quaternion_wxyz] for name, pose in start.delivered]
+    return json.dumps({"cycle": start.cycle, "first_tick": start.first_tick, "delivered": delivered})
+
+
+def cycle_from_json(text: str) -> CycleStart:
+    """The start of `cycle_to_json`."""
+    fields: dict[str, Any] = json.loads(text)
+    delivered = tuple((name, Pose(tuple(position), tuple(wxyz))) for name, position, wxyz in fields["delivered"])
+    return CycleStart(fields["cycle"], fields["first_tick"], delivered)

@@ -14,10 +14,10 @@ from fastapi.responses import FileResponse, JSONResponse
 from app.lab.lab import Lab
 from app.lab.tokens import desk_key, same_token
 from app.report.process import PAGE
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from app.web.addresses import prefix
 from app.web.participant_socket import Places, same_origin
 from app.web.scene_proxy import proxy_scene, scene_page_response
-from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"

@@ -31,8 +31,9 @@ from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
-from app.web.sessions_api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
+from app.web.sessions_api import SessionReply, session_reply
 from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession

@@ -14,7 +14,7 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.session.commands import NotNow
-from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from study.definition.study import Study
 from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text

@@ -18,11 +18,11 @@ from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, choose, evaluate
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
-from app.simulated.variants import open_study
 from app.trial.engine import TrialEngine
 from app.trial.robots import ROBOTS, make_robot
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import OperatorInput, TrialSetup
+from app.trial.world import open_study
 from sim.interface import TICK_S
 from study.definition.study import orders, plan_session
 from tests.bench.figure import Figure

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.answers import Experience, survey_answers
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight

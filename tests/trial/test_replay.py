@@ -9,9 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.autonomy.actions import DIRECTIONS
-from app.trial.cycles import cycle_from_json, cycle_to_json
 from app.trial.engine import TrialEngine
-from app.trial.values import CycleStart, OperatorInput, RobotTiming, TickResult, TrialSetup, inputs_of
+from app.trial.values import (
+    CycleStart,
+    OperatorInput,
+    RobotTiming,
+    TickResult,
+    TrialSetup,
+    cycle_from_json,
+    cycle_to_json,
+    inputs_of,
+)
 from sim.interface import SLICES_PER_TICK, Pose
 from sim.kinematic import KinematicRobot
 from tests.support.engine_cases import (
