@@ -174,7 +174,8 @@ def _face_colors(solid: Any, fallback: Rgb) -> np.ndarray:
     rows = np.minimum(((1.0 - middle[:, 1]) * texels.shape[0]).astype(int), texels.shape[0] - 1)
     columns = np.minimum((middle[:, 0] * texels.shape[1]).astype(int), texels.shape[1] - 1)
     # In few steps: every change of colour doubles vertices.
-    return np.clip((texels[rows, columns].astype(np.int64) + 24) // 48 * 48, 0, 255)
+    in_steps: np.ndarray = np.clip((texels[rows, columns].astype(np.int64) + 24) // 48 * 48, 0, 255)
+    return in_steps
 
 
 def _thinned(solid: Any, face_colors: np.ndarray, part: _Part) -> Mesh:

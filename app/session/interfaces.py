@@ -90,7 +90,7 @@ class Vitals:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LabServices:
     """What a live session needs of the lab it lives in."""
 
     store: AsyncStore

@@ -18,7 +18,7 @@ from app.simulated.pilot import Sight
 from app.simulated.traits import Population, Traits, draw_traits, stream
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup
-from app.trial.values import OperatorInput, TickResult, TrialView
+from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
 from study.flow import protocol
@@ -296,9 +296,9 @@ class _Sitting:
         wanted = self.driver.act(view.object, sight)
         run.inputs += 1
         if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
-            result = engine.tick(OperatorInput(seq=run.inputs))
+            result = engine.tick(UserInput(seq=run.inputs))
         else:
-            result = engine.tick(OperatorInput(wanted.direction, wanted.gripper, run.inputs))
+            result = engine.tick(UserInput(wanted.direction, wanted.gripper, run.inputs))
         self.view = result.view
         run.tick, run.now_s = tick, run.now_s + TICK_S
         self.ticks.append(result.row)

@@ -74,6 +74,7 @@ class StudySetup:
     ) -> TrialSetup:
         """Everything trial `trial` (or the practice before it) depends on besides the inputs."""
         drawn, settings = plan.trial(trial), self.study.robot
+        cycles: tuple[CycleSetup, ...]
         if kind == "practice":
             cycles = (CycleSetup(practice_scene(self.layout), PRACTICE_OBJECT.id, None),)
         else:

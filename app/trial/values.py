@@ -7,18 +7,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from app.autonomy.actions import Direction
 from app.autonomy.arbiter import ArbiterParameters
 from app.trial.verdicts import Verdict
 from sim.interface import Pose, SceneSpec, Vector3
 from study.records import TaskRow, TickRow
 
-Direction = tuple[int, int, int]
-Kind = Literal["trial", "practice"]
+PhaseKind = Literal["trial", "practice"]
 STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class OperatorInput:
+class UserInput:
     """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
 
     direction: Direction | None = None
@@ -27,7 +27,7 @@ class OperatorInput:
     after_pause: bool = False
 
 
-NO_INPUT = OperatorInput()
+NO_INPUT = UserInput()
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class TrialSetup:
     participant: str
     trial: int
     condition: str
-    kind: Kind
+    kind: PhaseKind
     cycles: tuple[CycleSetup, ...]
     parameters: ArbiterParameters
     timing: RobotTiming = field(default_factory=RobotTiming)
@@ -110,7 +110,7 @@ class TickResult:
     finished: bool
 
 
-def inputs_of(row: TickRow) -> OperatorInput:
+def inputs_of(row: TickRow) -> UserInput:
     """The input a logged tick took into account, for re-running it."""
     direction = None
     if row.user_x is not None and row.user_y is not None and row.user_z is not None:
@@ -120,7 +120,7 @@ def inputs_of(row: TickRow) -> OperatorInput:
         gripper = "open"
     elif row.gripper_input == "close":
         gripper = "close"
-    return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
+    return UserInput(direction, gripper, row.input_seq, bool(row.after_pause))
 
 
 def cycle_to_json(start: CycleStart) -> str:

@@ -22,7 +22,7 @@ from app.session.session import LiveSession
 from app.web import participant_socket as sockets
 from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.web.arbiter_api import add_arbiter_api
-from app.web.dashboard_frames import add_desk
+from app.web.dashboard_frames import add_dashboard_frames
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
 from app.web.results_api import add_results_api
@@ -69,7 +69,7 @@ def create_app(lab: Lab) -> FastAPI:
     add_results_api(app)
     add_live(app, lab)
     add_join(app, lab)
-    add_desk(app, lab)
+    add_dashboard_frames(app, lab)
     _add_errors(app)
     _add_pages(app, lab)
     _add_sockets(app, lab)

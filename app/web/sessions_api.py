@@ -20,7 +20,8 @@ from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
 from app.wire import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.protocol import allowed
-from study.store import Kind, StoredSession
+from study.flow.roster import EnrolmentKind
+from study.store import StoredSession
 
 MAX_INVITATIONS = 200
 
@@ -115,7 +116,7 @@ async def protocol_schemas() -> dict[str, Any]:
 async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteReply:
     """Enrol participants (or pilots, or demo visitors) and get their links."""
     created = []
-    kind: Kind = "demo" if body.demo else body.kind
+    kind: EnrolmentKind = "demo" if body.demo else body.kind
     for number in itertools.count(1):
         identities = {"label": body.label if body.count == 1 else f"{body.label} {number}"} if body.label else None
         invitation = await lab.invite(kind=kind, pace=body.pace, identities=identities)

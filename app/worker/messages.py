@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from app.trial.values import CycleStart, OperatorInput, TickResult, TrialSetup, TrialView
+from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
 
 RobotName = Literal["bullet", "kinematic"]
@@ -27,7 +27,7 @@ class WorkerSpec:
 
     setup: TrialSetup
     start: CycleStart
-    log: tuple[tuple[OperatorInput, str], ...]
+    log: tuple[tuple[UserInput, str], ...]
     robot: RobotName
     pace: Pace
     scene: bool
@@ -48,7 +48,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Hands:
+class ControlsState:
     """State of the hands, from an input (`pressed` may hold a gripper press) or a heartbeat."""
 
     seq: int
@@ -77,7 +77,7 @@ class Stop:
     """End the process."""
 
 
-WorkerCommand = Begin | Hold | Hands | SetView | Spectate | Stop
+WorkerCommand = Begin | Hold | ControlsState | SetView | Spectate | Stop
 
 
 # ---- worker → lab -----------------------------------------------------------------------------------------------

@@ -123,7 +123,17 @@ def _anovas(analysis: Analysis) -> Table:
                 None,
             )
 
-    header = ("measure", "tasks", "model", "n", "F", "df_effect", "df_error", "p", "partial_eta_squared")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "model",
+        "n",
+        "F",
+        "df_effect",
+        "df_error",
+        "p",
+        "partial_eta_squared",
+    )
     header += ("eta_ci90_low", "eta_ci90_high", "p_greenhouse_geisser", "p_equal_variances", "not_fitted_because")
     return Table("anova", header, tuple(rows()))
 
@@ -145,7 +155,16 @@ def _pairs(analysis: Analysis) -> Table:
                     *(astuple(effect) if effect else (None, None, None)),
                 )
 
-    header = ("measure", "tasks", "first", "second", "adjusted_difference", "ci95_low", "ci95_high", "p_tukey")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "first",
+        "second",
+        "adjusted_difference",
+        "ci95_low",
+        "ci95_high",
+        "p_tukey",
+    )
     header += ("effect_size", "effect", "effect_ci95_low", "effect_ci95_high")
     return Table("pairwise", header, tuple(rows()))
 
@@ -174,7 +193,17 @@ def _mixed(analysis: Analysis) -> Table:
                         model.note,
                     )
 
-    header = ("measure", "tasks", "condition", "against", "difference", "ci95_low", "ci95_high", "p", "chi_squared")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "condition",
+        "against",
+        "difference",
+        "ci95_low",
+        "ci95_high",
+        "p",
+        "chi_squared",
+    )
     header += ("df", "p_condition", "participant_sd", "residual_sd", "note")
     return Table("mixed_models", header, tuple(rows()))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from app.simulated.pilot import Pilot, Sight
-from app.trial.values import OperatorInput
+from app.trial.values import UserInput
 from tests.support.fake_pad import FakePad
 
 if TYPE_CHECKING:
@@ -176,12 +176,12 @@ class BrowserPerson:
                 return
             if self.answer_alert():
                 continue
-            act = OperatorInput()
+            act = UserInput()
             task = tick["instruction"]
             if tick["status"] == "running" and task["object"] in world["objects_m"]:
                 act = pilot.act(task["object"], self._sight(world, task))
                 if tick["blocked"] and world["held"]:
-                    act = OperatorInput((1, 0, 0))  # too close before the robot: out first
+                    act = UserInput((1, 0, 0))  # too close before the robot: out first
             wanted = act.direction or NOTHING
             at_rest = self._held == self._held_before == NOTHING
             if wanted != self._held and not at_rest:
