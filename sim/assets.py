@@ -85,11 +85,6 @@ class RobotLook:
     glb_by_link: Mapping[str, bytes]
     note: str | None = None
 
-    @property
-    def size_bytes(self) -> int:
-        """All GLBs together."""
-        return sum(map(len, self.glb_by_link.values()))
-
 
 def cache_dir(environment: Mapping[str, str] | None = None) -> Path:
     """Where baked meshes are kept: `$XDG_CACHE_HOME` if absolute (as its specification asks), else `~/.cache`."""

@@ -11,14 +11,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.autonomy.arbiter import PRESETS
 from app.errors import LabError
 from app.simulated.traits import Population
 from app.trial.world import parse_text
+from study.definition.sections import ArbiterSettings
 from study.definition.study import Study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
 PRESET_NAMES = ("paper", "lab", "fitted")
+_PRESETS: Mapping[str, Mapping[str, float]] = {
+    # The paper's eq. 2 as printed, in metres, and no stickiness.
+    "paper": {"rationality_per_m": 1.0, "stickiness": 0.0},
+    # What the study file says where nothing else is said.
+    "lab": {name: getattr(ArbiterSettings(), name) for name in ("rationality_per_m", "stickiness")},
+}
 
 Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""
@@ -47,8 +53,7 @@ def preset_changes(name: str | None) -> Changes:
         return dict(fitted()["study"])
     if name not in PRESET_NAMES:
         raise LabError(f"no preset {name!r}; presets are {', '.join(PRESET_NAMES)}")
-    preset = PRESETS["paper" if name == "paper" else "lab"]
-    return {"arbiter": {"rationality_per_m": preset.rationality_per_m, "stickiness": preset.stickiness}}
+    return {"arbiter": _PRESETS[name]}
 
 
 def fitted() -> dict[str, Any]:

@@ -25,6 +25,7 @@ from study.analysis.observations import Observation, observations, survey_observ
 from study.analysis.summaries import Summary, summary
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
+from study.records import TICK_S
 
 MeasureId = Literal[
     "belief_gain", "convergence_user_actions", "efficiency_ticks", "window_rate", "sus_modified", "tlx_raw"
@@ -49,7 +50,7 @@ MEASURES: dict[str, MeasureInfo] = {
     for item in (
         MeasureInfo("belief_gain", "Belief accuracy gain after windows", "Δ probability", 4, "window"),
         MeasureInfo("convergence_user_actions", "Belief convergence speed", "user actions", 2, "task"),
-        MeasureInfo("efficiency_ticks", "Total task efficiency", "ticks of 0.5 s", 1, "task"),
+        MeasureInfo("efficiency_ticks", "Total task efficiency", f"ticks of {TICK_S:g} s", 1, "task"),
         MeasureInfo("window_rate", "Window rate", "windows per control tick", 4, "participant"),
         MeasureInfo("sus_modified", "Usability (modified SUS)", "score, 1–7", 2, "participant"),
         MeasureInfo("tlx_raw", "Workload (modified raw TLX)", "score, 1–7", 2, "participant"),

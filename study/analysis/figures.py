@@ -24,6 +24,7 @@ from scipy import stats
 from study.analysis.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
 from study.analysis.measures import TaskKind
 from study.analysis.observations import Observation
+from study.records import TICK_S
 
 MM = 1.0 / 25.4
 PNG_DPI = 300
@@ -426,9 +427,10 @@ def _title(ax: Axes, letter: str, title: str) -> None:
 
 def _axis_label(measure: str) -> str:
     info = MEASURES[measure]
-    return {"belief_gain": "gain in b(instructed goal)", "efficiency_ticks": "task length (ticks of 0.5 s)"}.get(
-        measure, info.unit
-    )
+    return {
+        "belief_gain": "gain in b(instructed goal)",
+        "efficiency_ticks": f"task length (ticks of {TICK_S:g} s)",
+    }.get(measure, info.unit)
 
 
 def _legend(figure: Figure, conditions: Sequence[str], columns: int = 5) -> None:

@@ -112,7 +112,7 @@ class ArbiterSettings(Part):
 
 
 class RobotSettings(Part):
-    """How fast the robot is and how long its own actions take, in ticks of 0.5 s."""
+    """How fast the robot is and how long its own actions take, in ticks."""
 
     speed_m_s: float = number(default=0.04, gt=0.0, le=0.1)
     """0.1 m/s is 5 cm a tick, the paper's largest Cartesian step."""

@@ -38,7 +38,7 @@ from study.definition.sections import (
     Texts,
 )
 from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
-from study.records import StudyError
+from study.records import TICK_S, StudyError
 
 __all__ = [
     "Pickup",
@@ -71,7 +71,7 @@ class Study(Part):
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
-    heartbeat_timeout_s: float = number(default=0.5, ge=0.3, le=30.0)
+    heartbeat_timeout_s: float = number(default=TICK_S, ge=0.3, le=30.0)
     """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
     taken for hands off."""
     layout: Identifier
