@@ -13,13 +13,13 @@ from typing import Any
 
 from app.autonomy.arbiter import PRESETS
 from app.config import LabError
+from app.simulated.presets import PRESET_NAMES
 from app.simulated.traits import Population
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import Study, load_study, parse_study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
-PRESET_NAMES = ("paper", "lab", "fitted")
 
 Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""

@@ -24,6 +24,7 @@ from starlette.background import BackgroundTask
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
+from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
@@ -57,7 +58,7 @@ class InviteRequest(_Body):
     """Short for kind "demo"."""
     kind: Literal["study", "pilot", "demo"] = "study"
     """Pilot and demo participants hold no cell of the counterbalancing, and no export has them unless asked for."""
-    pace: Literal["real_time", "lockstep"] | None = None
+    pace: Pace | None = None
     label: Annotated[str, Field(max_length=200)] | None = None
     """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
     count: Annotated[int, Field(ge=1, le=MAX_INVITATIONS)] = 1

@@ -31,7 +31,10 @@ PACKAGES = ("app", "sim", "study")
 LAYERS = ("pure", "adapters", "engine", "edge")  # lowest first
 MODULES = {
     "edge": """
-        app.__main__ app.study_commands app.web.server app.web.sessions_api app.web.roster_api app.web.results_api
+        app.__main__ app.commands app.commands.program app.commands.groups app.commands.options
+        app.commands.documentation app.commands.serve app.commands.study_file app.commands.data
+        app.commands.simulated app.commands.replication
+        app.web.server app.web.sessions_api app.web.roster_api app.web.results_api
         app.web.live_api app.web.dashboard_frames app.web.participant_socket app.web.scene_proxy app.web.addresses
         app.web.join_api
     """,
@@ -40,7 +43,8 @@ MODULES = {
         app.worker.pacer app.trial.engine app.trial.values app.trial.tasks app.trial.goals app.trial.motion
         app.trial.verdicts app.worker.input_latch app.trial.robots app.report.figure2 app.trial.cycles
         app.trial.setup app.simulated.traits app.simulated.driver app.simulated.answers app.simulated.participant
-        app.simulated.study app.simulated.variants app.progress_bar app.replication.paper app.replication.fit
+        app.simulated.study app.simulated.variants app.simulated.presets app.simulated.progress
+        app.replication.paper app.replication.fit
         app.replication.studies app.replication.comparisons app.replication.replicate app.replication.text
         app.replication.power app.session.session app.session.context app.session.transitions
         app.session.submissions app.session.running_trial app.session.worker_link app.session.connections
@@ -85,6 +89,8 @@ ONLY_IN: dict[str, frozenset[str]] = {
     "fastapi": EDGE,
     "starlette": EDGE,
     "uvicorn": EDGE,
+    "typer": EDGE,
+    "tqdm": frozenset({"app.simulated.progress"}),
     "pybullet": frozenset({"sim.bullet"}),
     "pybullet_data": frozenset(),
     "viser": frozenset({"sim.nodes"}),
