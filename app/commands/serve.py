@@ -37,12 +37,12 @@ def serve(
         int, typer.Option(metavar="PORT", parser=port_number, help="port to listen on; 0 = any free one")
     ] = DEFAULTS.port,
     data: Annotated[Path, folder("folder of the database")] = DEFAULTS.data_dir,
-    public_url_: Annotated[
+    url: Annotated[
         str | None, typer.Option("--public-url", metavar="URL", help="what links begin with, behind a proxy")
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
     robot: Annotated[str, choice(ROBOTS, "which robot moves")] = DEFAULTS.robot,
-    pace: Annotated[str, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
+    pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
 ) -> None:
     """Run the lab.
@@ -55,10 +55,10 @@ def serve(
         data_dir=data,
         host=host,
         port=port,
-        public_url=public_url(public_url_, host),
+        public_url=public_url(url, host),
         study_file=study,
         robot=robot,
-        pace="lockstep" if pace == "lockstep" else "real_time",
+        pace=pace,
         scene=not no_scene,
     )
     with listen(config.host, config.port) as listener:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, NoReturn
 
 from tqdm import tqdm
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
 else:
     Bar = tqdm
 
-LOOK = "{desc}: {n_fmt}/{total_fmt} |{bar:30}| {elapsed}, about {remaining} left"
+LOOK = "{desc}: {n_fmt}/{total_fmt} |{bar}| {elapsed}, about {remaining} left"
+MAX_COLUMNS = 78
 WATCHED_EVERY_S = 0.1
 QUIET_EVERY_S = 20.0
 
@@ -24,6 +26,7 @@ def progress(what: str, total: int, done: int = 0) -> Bar:
     On a terminal it is one line that is rewritten. Where nobody watches it is a line now and then, and one at the end.
     """
     is_watched = sys.stderr.isatty()
+    columns, rows = get_terminal_size()  # the library itself shows nothing on terminals that do not know their size
     return (_Bar if is_watched else _Lines)(
         desc=what,
         total=total,
@@ -32,6 +35,8 @@ def progress(what: str, total: int, done: int = 0) -> Bar:
         miniters=1,
         mininterval=WATCHED_EVERY_S if is_watched else QUIET_EVERY_S,
         bar_format=LOOK,
+        ncols=min(columns, MAX_COLUMNS),
+        nrows=rows,
         ascii=" #",
         file=sys.stderr if is_watched else io.StringIO(),  # `_Lines` writes by itself
     )
