@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import socket
@@ -49,6 +48,8 @@ def serve(
 
     Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
     """
+    import asyncio
+
     from app.lab.lab import Lab
 
     config = LabConfig(
@@ -71,6 +72,8 @@ def serve(
 
 
 async def _run_server(lab: Lab, listener: socket.socket) -> None:
+    import asyncio
+
     import uvicorn
 
     from app.web.server import create_app

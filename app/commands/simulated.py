@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -80,6 +79,8 @@ def bot(
 
     The participant must be in lockstep: `salab serve --pace lockstep`.
     """
+    import asyncio
+
     from app.simulated.bot import run_bot
 
     report = asyncio.run(run_bot(url, panel_url=panel_url, say=None if quiet else print))

@@ -23,7 +23,7 @@ from app.trial.robots import ROBOTS
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = described()
-HEAVY = {"numpy", "pydantic", "rich", "fastapi", "sqlalchemy", "pandas", "scipy", "matplotlib"}
+HEAVY = {"asyncio", "numpy", "pydantic", "rich", "fastapi", "sqlalchemy", "pandas", "scipy", "matplotlib"}
 each_command = pytest.mark.parametrize("command", COMMANDS, ids=[command.name for command in COMMANDS])
 
 
