@@ -178,7 +178,8 @@ class _Weighing:
     @cached_property
     def posterior(self) -> FloatArray:  # (G,); no action is no evidence
         if self.user_index is None:
-            return self._prior.copy()
+            unchanged: FloatArray = self._prior.copy()
+            return unchanged
         return bayes_update(self._prior, self.log_likelihoods[self.user_index])
 
     @cached_property

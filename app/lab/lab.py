@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.config import LabConfig
+from app.config import LabConfig, Pace
 from app.errors import LabError
 from app.lab.tokens import new_token, same_token, token_hash
 from app.report.process import Reporter
@@ -23,7 +23,7 @@ from app.session.session import LiveSession
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import CycleStart, cycle_from_json, inputs_of
 from app.trial.world import open_study, parse_text
-from app.worker.messages import Pace, WorkerReport, WorkerSpec
+from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
 from study.flow.distractor import from_rows

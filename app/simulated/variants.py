@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import LabError
+from app.simulated.presets import PRESET_NAMES
 from app.simulated.traits import Population
 from app.trial.world import parse_text
 from study.definition.sections import ArbiterSettings
 from study.definition.study import Study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
-PRESET_NAMES = ("paper", "lab", "fitted")
 _PRESETS: Mapping[str, Mapping[str, float]] = {
     # The paper's eq. 2 as printed, in metres, and no stickiness.
     "paper": {"rationality_per_m": 1.0, "stickiness": 0.0},

@@ -1,6 +1,7 @@
 """Names to concrete parts. A new robot is one new file in `sim/` and one line here.
 
-Imports are made when a part is asked for: only worker processes ever load pybullet or viser.
+Imports are made when a part is asked for: only worker processes ever load pybullet or viser, and whoever wants the
+names alone loads nothing.
 """
 
 from __future__ import annotations
@@ -8,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from app.errors import LabError
-from sim.interface import Robot
 
 if TYPE_CHECKING:
+    from sim.interface import Robot
     from sim.scene import SceneView
     from sim.spectator import SpectatorView
 

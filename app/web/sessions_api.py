@@ -13,6 +13,7 @@ from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from starlette.background import BackgroundTask
 
+from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
@@ -33,7 +34,7 @@ class InviteRequest(RequestBody):
     """Short for kind "demo"."""
     kind: Literal["study", "pilot", "demo"] = "study"
     """Pilot and demo participants hold no cell of the counterbalancing, and no export has them unless asked for."""
-    pace: Literal["real_time", "lockstep"] | None = None
+    pace: Pace | None = None
     label: Annotated[str, Field(max_length=200)] | None = None
     """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
     count: Annotated[int, Field(ge=1, le=MAX_INVITATIONS)] = 1

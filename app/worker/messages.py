@@ -10,11 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from app.config import Pace
 from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
-
-RobotName = Literal["bullet", "kinematic"]
-Pace = Literal["real_time", "lockstep"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class WorkerSpec:
     setup: TrialSetup
     start: CycleStart
     log: tuple[tuple[UserInput, str], ...]
-    robot: RobotName
+    robot: str
     pace: Pace
     scene: bool
     heartbeat_timeout_s: float

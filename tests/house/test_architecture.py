@@ -22,7 +22,7 @@ PACKAGES = ("app", "sim", "study")
 FLOORS: tuple[tuple[str, ...], ...] = (
     # the edge: what people and programs talk to
     ("app.__main__",),
-    ("app.study_commands",),
+    ("app.commands",),
     ("app.web",),
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.session", "app.replication"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
-    ("app.wire", "app.config", "app.progress_bar"),
+    ("app.wire", "app.config"),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
@@ -54,7 +54,9 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "fastapi": ("app.web",),
     "starlette": ("app.web",),
     "fastapi_offline": ("app.web",),
-    "uvicorn": ("app.web", "app.__main__"),
+    "uvicorn": ("app.web", "app.commands"),
+    "typer": ("app.commands",),
+    "tqdm": ("app.simulated.progress",),
     "pybullet": ("sim.bullet",),
     "pybullet_data": (),
     "viser": ("sim.nodes",),
@@ -329,7 +331,7 @@ def test_every_module_a_readme_names_is_there() -> None:
             assert (path.parent / name).exists() or (ROOT / name).exists(), f"{path.relative_to(ROOT)} names {name}"
 
 
-WEB_PROCESS = ("app.web", "app.lab", "app.study_commands", "app.__main__")
+WEB_PROCESS = ("app.web", "app.lab", "app.commands", "app.__main__")
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ NOT_IMPORTED = {
     "ruff": "a command",
     "mypy": "a command",
     "frictionless": "a command",
+    "types-tqdm": "mypy reads them",
 }
 
 

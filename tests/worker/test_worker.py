@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from app.config import Pace
 from app.trial.values import CycleStart, TickResult, UserInput, inputs_of
 from app.worker.messages import (
     Begin,
@@ -18,7 +19,6 @@ from app.worker.messages import (
     Failed,
     Hold,
     HoldChanged,
-    Pace,
     Ready,
     SetView,
     Stop,
