@@ -48,14 +48,14 @@ class RunningTrial:
 
     def ready(self, report: Ready) -> None:
         """The worker stands where the record ends."""
-        self.view, self.world = report.view, World(**vars(report.sight))
+        self.view, self.world = report.view, World(**vars(report.world))
 
     def ticked(self, report: Ticked) -> None:
         """The worker has run a tick."""
         row = report.result.row
         self.tick, self.trial_s, self.view = row.tick, (row.tick + 1) * TICK_S, report.result.view
         self.next_tick_unix_s = report.started_unix_s - (report.late_ms or 0.0) / 1000.0 + TICK_S
-        self.world = World(**vars(report.sight))
+        self.world = World(**vars(report.world))
 
     def advance_distractor(self, reading: Callable[[int], str], finished: bool) -> tuple[AlertState, ...]:
         """The alerts that were raised, expired, or closed by the end of the trial, in order."""

@@ -16,7 +16,7 @@ from app.worker.messages import SetView
 from study.flow import protocol
 from study.flow.steps import STEPS, AlertData, Refused, StepContext, parse
 from study.records import EventRow
-from study.store import Batch, Consent
+from study.store import Batch, ConsentGiven
 
 
 class Submissions:
@@ -102,7 +102,7 @@ class Submissions:
             events=events,
             answers=outcome.answers,
             identities=context.identities(private),
-            consent=Consent(step.utc, outcome.consent_hash) if outcome.consent_hash else None,
+            consent=ConsentGiven(step.utc, outcome.consent_hash) if outcome.consent_hash else None,
         )
         if outcome.event is None:
             await context.commit(batch)

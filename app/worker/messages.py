@@ -82,7 +82,7 @@ WorkerCommand = Begin | Hold | ControlsState | SetView | Spectate | Stop
 
 
 @dataclass(frozen=True)
-class Sight:
+class WorldInNumbers:
     """What the scene shows, in numbers; positions in the world frame, metres."""
 
     position_m: Vector3
@@ -98,7 +98,7 @@ class Ready:
 
     scene_port: int | None
     view: TrialView
-    sight: Sight
+    world: WorldInNumbers
     finished: bool
     mismatch: int | None
 
@@ -108,7 +108,7 @@ class Ticked:
     """A tick is over: when it started and how it kept its deadline (`late_ms` is None in lockstep)."""
 
     result: TickResult
-    sight: Sight
+    world: WorldInNumbers
     seq: int
     started_unix_s: float
     late_ms: float | None

@@ -36,13 +36,13 @@ from app.worker.messages import (
     HoldChanged,
     Ready,
     SetView,
-    Sight,
     Spectate,
     SpectatorPort,
     Stop,
     Ticked,
     WorkerCommand,
     WorkerSpec,
+    WorldInNumbers,
 )
 from app.worker.pacer import Deadline, Pacer
 from app.worker.spectator_view import OnDemandView
@@ -111,7 +111,9 @@ class Worker:
         mismatch = self._rerun()
         port = self._scene.open() if self._scene else None
         self._draw()
-        self._connection.send(Ready(port, self._engine.view(), self._sight(), self._engine.finished, mismatch))
+        self._connection.send(
+            Ready(port, self._engine.view(), self._world_in_numbers(), self._engine.finished, mismatch)
+        )
         while not self._stopping:
             if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
                 if self._connection.poll(IDLE_WAIT_S):
@@ -172,7 +174,7 @@ class Worker:
         started_unix_s = time.time()
         result = self._engine.tick(self._take_input(time.monotonic()))
         self._draw()
-        self._connection.send(Ticked(result, self._sight(), self._latch.seq, started_unix_s, None, 0))
+        self._connection.send(Ticked(result, self._world_in_numbers(), self._latch.seq, started_unix_s, None, 0))
 
     def _pace(self) -> None:
         """Wait for the next deadline and run its tick, if the page is there."""
@@ -209,7 +211,7 @@ class Worker:
             self._tend_spectator_view()
         result = self._engine.end()
         late_ms = deadline.late_s * 1000.0
-        self._connection.send(Ticked(result, self._sight(), seq, started_unix_s, late_ms, deadline.missed))
+        self._connection.send(Ticked(result, self._world_in_numbers(), seq, started_unix_s, late_ms, deadline.missed))
         self._draw(ended=result)
 
     def _tend_spectator_view(self) -> None:
@@ -224,9 +226,9 @@ class Worker:
         if changed is not None:
             self._connection.send(SpectatorPort(*changed))
 
-    def _sight(self) -> Sight:
+    def _world_in_numbers(self) -> WorldInNumbers:
         world = self._engine.world
-        return Sight(
+        return WorldInNumbers(
             position_m=world.position_world_gripper_m,
             held=world.held,
             gripper=world.gripper,

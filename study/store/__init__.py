@@ -20,12 +20,12 @@ from study.store.async_store import AsyncStore
 from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
-from study.store.values import Batch, Consent, Cycle, Identity, StoredSession, StoreError, Submission
+from study.store.values import Batch, ConsentGiven, Cycle, Identity, StoredSession, StoreError, Submission
 
 __all__ = [
     "AsyncStore",
     "Batch",
-    "Consent",
+    "ConsentGiven",
     "Cycle",
     "Identity",
     "Snapshot",

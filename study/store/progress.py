@@ -12,11 +12,11 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 from study.flow.protocol import Session, to_json
 from study.store.rows import insert
 from study.store.tables import CYCLES, RECORDS, SESSIONS, SUBMISSIONS
-from study.store.values import Consent, Cycle, StoreError
+from study.store.values import ConsentGiven, Cycle, StoreError
 
 
 def save_session(
-    connection: sql.Connection, session: Session, consent: Consent | None, finished_utc: str | None
+    connection: sql.Connection, session: Session, consent: ConsentGiven | None, finished_utc: str | None
 ) -> None:
     """The session as it is now, and its state in the recorded row."""
     saved = connection.execute(

@@ -67,7 +67,7 @@ class Identity:
 
 
 @dataclass(frozen=True)
-class Consent:
+class ConsentGiven:
     """When somebody agreed to take part, and the SHA-256 of the text they agreed to."""
 
     utc: str
@@ -84,7 +84,7 @@ class Batch:
     """
 
     session: Session | None = None
-    consent: Consent | None = None
+    consent: ConsentGiven | None = None
     finished_utc: str | None = None
     ticks: tuple[TickRow, ...] = ()
     practice_ticks: tuple[TickRow, ...] = ()

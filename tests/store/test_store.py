@@ -23,7 +23,7 @@ from study.records import SCHEMA_VERSION, TABLES, StudyError
 from study.store import (
     AsyncStore,
     Batch,
-    Consent,
+    ConsentGiven,
     Cycle,
     Identity,
     Store,
@@ -118,7 +118,7 @@ def test_a_token_is_found_by_its_hash_alone(store: Store) -> None:
 def test_a_session_comes_back_as_it_was(store: Store) -> None:
     session = enrol(store, pace="lockstep")
     later, _ = advance(session.session, "consent_given", 5.0)
-    store.commit(Batch(session=later, consent=Consent(UTC, "c" * 64)))
+    store.commit(Batch(session=later, consent=ConsentGiven(UTC, "c" * 64)))
     store = reopened(store)
     found = store.session(session.participant)
     assert (found.public_id, found.session, found.pace, found.order, found.seed) == (

@@ -346,7 +346,7 @@ def test_a_report_says_in_numbers_what_the_scene_shows(monkeypatch: pytest.Monke
     engine = opened(trial_setup())
     for report, ticks in zip(reports, (0, 1), strict=True):
         run(engine, [push(FORWARD)] * ticks)
-        sight = report.sight
+        sight = report.world
         assert sight.position_m == engine.world.position_world_gripper_m
         assert sight.objects_m == {item.id: item.grasp_world_m for item in engine.world.objects}
         assert set(sight.bins_m) == {"left_bin", "right_bin"}
