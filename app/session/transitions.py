@@ -17,7 +17,7 @@ from study.definition.study import reading
 from study.flow import protocol
 from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
-from study.records import OVERRUN_MS, TrialRow, utc_text
+from study.records import TrialRow, utc_text
 from study.store import Batch
 
 
@@ -186,7 +186,7 @@ class Transitions:
         before = pages.instruction(running.view, labels, practice) if running.view else None
         running.ticked(report)
         events = [context.event(event.kind, "robot", dict(event.data)) for event in result.events]
-        if report.missed or (report.late_ms or 0.0) > OVERRUN_MS:
+        if report.overrun:
             context.vitals.overruns += 1
             events.append(context.event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
         noticed = tuple(context.noticed)

@@ -13,6 +13,7 @@ from typing import Literal
 from app.config import Pace
 from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
+from study.records import OVERRUN_MS
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,11 @@ class Ticked:
     started_unix_s: float
     late_ms: float | None
     missed: int
+
+    @property
+    def overrun(self) -> bool:
+        """Whether the tick is late enough to be logged: by itself, or since deadlines before it were missed."""
+        return self.missed > 0 or (self.late_ms or 0.0) > OVERRUN_MS
 
 
 @dataclass(frozen=True)
