@@ -1,0 +1,567 @@
+"""The reference pages, made from the code when the site is built: nothing in them is written twice.
+
+A page in `reference/` has words of its own and a line `<!-- generated: NAME -->`; the text of `GENERATED[NAME]` takes
+the line's place. Each of these functions returns Markdown and can be called without Sphinx.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import inspect
+import json
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from app import wire
+from app.__main__ import _parser
+from app.config import LabConfig
+from app.lab.lab import Lab
+from app.simulated.variants import known_layouts
+from app.web.server import create_app
+from sim.layouts import LAYOUTS
+from sim.objects import STUDY_OBJECTS
+from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.field_types import Part
+from study.definition.study import DEFAULT_STUDY, Study
+from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
+
+Schema = Mapping[str, Any]
+
+# ---- Markdown ---------------------------------------------------------------------------------------------------
+
+
+def cell(text: str) -> str:
+    """Text as a cell of a table takes it: one line, no column of its own, no HTML."""
+    line = re.sub(r"\s+", " ", text).strip().replace("|", r"\|")
+    return "".join(part if part.startswith("`") else part.replace("<", "&lt;") for part in re.split(r"(`[^`]+`)", line))
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown; nothing if it has no rows."""
+    lines = [f"| {' | '.join(cell(text) for text in row)} |" for row in rows]
+    return "\n".join([f"| {' | '.join(head)} |", "|---" * len(head) + "|", *lines]) if lines else ""
+
+
+def joined(*parts: str) -> str:
+    """Parts with a blank line between them; those without text are left out."""
+    return "\n\n".join(part.strip("\n") for part in parts if part.strip()) + "\n"
+
+
+def code(value: object) -> str:
+    """A value as it is typed."""
+    return f"`{json.dumps(value, ensure_ascii=False)}`"
+
+
+# ---- what a value may be, in words ------------------------------------------------------------------------------
+
+
+def kind(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    """Type and bounds of a JSON schema in words."""
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2]
+        target = defs[name]
+        return kind(target, defs) if target.get("type") != "object" else f"a table, `{name.lstrip('_')}`"
+    if "const" in schema:
+        return code(schema["const"])
+    if "enum" in schema:
+        return " or ".join(code(value) for value in schema["enum"])
+    for union in ("anyOf", "oneOf"):
+        if union in schema:
+            options = list(dict.fromkeys(kind(option, defs) for option in schema[union]))
+            return ("; or " if any(" or " in option for option in options) else " or ").join(options)
+    return _SIMPLE.get(schema.get("type", ""), _anything)(schema, defs)
+
+
+def _anything(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    return "anything"
+
+
+def _number(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    noun = "whole number" if schema["type"] == "integer" else "number"
+    bounds = [
+        f"{words} {_plain(schema[name])}"
+        for name, words in (
+            ("minimum", "at least"),
+            ("exclusiveMinimum", "more than"),
+            ("maximum", "at most"),
+            ("exclusiveMaximum", "less than"),
+        )
+        if name in schema
+    ]
+    return ", ".join([noun, *bounds])
+
+
+def _plain(value: float) -> str:
+    return str(int(value)) if value == int(value) else f"{value:g}"
+
+
+_PATTERNS: Mapping[str, str] = {
+    "^[a-z0-9][a-z0-9_]*$": "an id of small letters, digits and `_`",
+    "^[A-Za-z][A-Za-z0-9_-]*$": "a name of letters, digits, `_` and `-`",
+    "^[A-Za-z0-9._:-]+$": "an id of letters, digits and `.` `_` `:` `-`",
+}
+"""What the patterns ask for, in words."""
+
+
+def _text(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    pattern = schema.get("pattern")
+    bounds = [_PATTERNS.get(pattern, f"text like `{pattern}`") if pattern else "text"]
+    if schema.get("minLength") and not pattern:
+        bounds.append("not empty")
+    if "maxLength" in schema:
+        bounds.append(f"at most {schema['maxLength']} characters")
+    return ", ".join(bounds)
+
+
+def _list(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    if "prefixItems" in schema:
+        parts = [kind(part, defs) for part in schema["prefixItems"]]
+        return f"list of {len(parts)}, each {parts[0]}" if len(set(parts)) == 1 else f"list of {'; '.join(parts)}"
+    bounds = [f"list of: {kind(schema.get('items', {}), defs)}"]
+    if schema.get("minItems"):
+        bounds.append(f"{schema['minItems']} or more")
+    if "maxItems" in schema:
+        bounds.append(f"at most {schema['maxItems']}")
+    return "; ".join(bounds)
+
+
+def _object(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    values = schema.get("additionalProperties")
+    return f"object of: {kind(values, defs)}" if isinstance(values, Mapping) and values else "object"
+
+
+_SIMPLE: Mapping[str, Callable[[Schema, Mapping[str, Schema]], str]] = {
+    "integer": _number,
+    "number": _number,
+    "string": _text,
+    "array": _list,
+    "object": _object,
+    "boolean": lambda schema, defs: "`true` or `false`",
+    "null": lambda schema, defs: "`null`",
+}
+
+
+def default(name: str, schema: Schema) -> str:
+    """The default of a field of an object's schema."""
+    if name in schema.get("required", ()):
+        return "must be given"
+    value = schema["properties"][name].get("default", MISSING)
+    return "" if value is MISSING else code(value)
+
+
+def attribute_texts(owner: type) -> dict[str, str]:
+    """The string below each field of a class and of what it is made from: what the field means."""
+    texts: dict[str, str] = {}
+    for cls in reversed(owner.__mro__):
+        if cls.__module__.split(".")[0] not in ("app", "study"):
+            continue
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+        assert isinstance(definition, ast.ClassDef)
+        for field, below in zip(definition.body, definition.body[1:], strict=False):
+            is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and is_text:
+                texts[field.target.id] = " ".join(str(below.value.value).split())
+    return texts
+
+
+def field_rows(
+    model: type[BaseModel], schema: Schema, defs: Mapping[str, Schema], skip: Iterable[str] = ()
+) -> Iterator[tuple[str, str, str, str]]:
+    """Name, kind, default and meaning of each field."""
+    texts = attribute_texts(model)
+    for name, field in schema.get("properties", {}).items():
+        if name not in skip:
+            yield f"`{name}`", kind(field, defs), default(name, schema), texts.get(name, "")
+
+
+# ---- the study file ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """One table of the study file: its header as it is written, and the model of what stands in it."""
+
+    header: str
+    path: str
+    model: type[Part]
+
+
+def study_tables(model: type[Part] = Study, path: str = "") -> Iterator[StudyTable]:
+    """The tables of a study file inside `model`, each followed by those inside it."""
+    for name, field in model.model_fields.items():
+        part = _part_in(field.annotation)
+        if part is not None:
+            inside = f"{path}.{name}".lstrip(".")
+            is_list = part is not field.annotation
+            yield StudyTable(f"[[{inside}]]" if is_list else f"[{inside}]", inside, part)
+            yield from study_tables(part, inside)
+
+
+def _part_in(annotation: Any) -> type[Part] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return annotation
+    return next((part for inner in get_args(annotation) if (part := _part_in(inner))), None)
+
+
+def own_keys(model: type[Part]) -> tuple[str, ...]:
+    """The keys of a table that are no tables themselves."""
+    hidden = getattr(model, "NOT_IN_FILE", ())
+    return tuple(
+        name for name, field in model.model_fields.items() if name not in hidden and _part_in(field.annotation) is None
+    )
+
+
+@dataclass(frozen=True)
+class Comments:
+    """The comments of the shipped study file: beside a key, by table and key, and above or beside a table's header."""
+
+    of_key: Mapping[tuple[str, str], str]
+    of_table: Mapping[str, str]
+
+
+_COMMENT = re.compile(r"""((?:"[^"]*"|[^"#])*)#\s?(.*)""")
+
+
+def comments(text: str) -> Comments:
+    """Read the comments of a study file."""
+    of_key: dict[tuple[str, str], str] = {}
+    of_table: dict[str, str] = {}
+    here, last, above, is_block_over = "", None, list[str](), False
+    for line in text.splitlines():
+        found = _COMMENT.match(line)
+        before, said = (found[1].strip(), found[2].strip()) if found else (line.strip(), "")
+        if not before:
+            if not said:
+                is_block_over = True
+            elif line.startswith(" ") and last is not None:
+                of_key[here, last] += f" {said}"
+            else:
+                above = [said] if is_block_over else [*above, said]
+                is_block_over = False
+            continue
+        if header := re.fullmatch(r"\[+([\w.]+)\]+", before):
+            here = header[1]
+            told = " ".join(part for part in above if not part.startswith("----"))
+            of_table.setdefault(here, f"{told} {said}".strip())
+            last = None
+        elif key := re.match(r"(\w+)\s*=", before):
+            last = key[1] if said else None
+            if said:
+                of_key.setdefault((here, key[1]), said)
+        above = []
+    return Comments(of_key, of_table)
+
+
+def study_file() -> str:
+    """Every table and key of the study file: type, bounds, default, meaning."""
+    schema = Study.model_json_schema()
+    defs: Mapping[str, Schema] = schema["$defs"]
+    said = comments(DEFAULT_STUDY.read_text(encoding="utf-8"))
+    parts = []
+    for item in [StudyTable("Top of the file", "", Study), *study_tables()]:
+        inner = schema if item.model is Study else defs[item.model.__name__]
+        texts = attribute_texts(item.model)
+        rows = [
+            (
+                f"`{name}`",
+                kind(inner["properties"][name], defs),
+                default(name, inner),
+                _meaning(item, name, texts, said),
+            )
+            for name in own_keys(item.model)
+        ]
+        heading = f"`{item.header}`" if item.path else item.header
+        about = "" if item.model is Study else _sentence(inspect.getdoc(item.model) or "")
+        parts += [
+            f"## {heading}",
+            about,
+            _sentence(said.of_table.get(item.path, "")),
+            table(("key", "value", "default", "meaning"), rows),
+        ]
+    return joined(*parts, _ids())
+
+
+def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:
+    return _sentence(texts.get(name) or said.of_key.get((item.path, name), ""))
+
+
+def _sentence(text: str) -> str:
+    """Text with a capital and a full stop."""
+    line = " ".join(text.split())
+    return line[:1].upper() + line[1:] + ("" if line[-1:] in ("", ".", "?", "!", ":") else ".")
+
+
+def _ids() -> str:
+    bins = {item.id: item.label for layout in LAYOUTS.values() for item in layout.bins}
+    return joined(
+        "## Ids that the lab knows",
+        table(
+            ("key", "id", "what it is"),
+            [
+                *(("`layout`", f"`{name}`", f"{slots} places for objects") for name, slots in known_layouts().items()),
+                *(("`objects`", f"`{name}`", spec.label) for name, spec in STUDY_OBJECTS.items()),
+                *(("`bins`", f"`{name}`", label) for name, label in bins.items()),
+                *(("`surveys`", f"`{name}`", form.title) for name, form in INSTRUMENTS.items()),
+            ],
+        ),
+    )
+
+
+# ---- the lab's settings and the command line --------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OptionDoc:
+    """One option or argument of a command, as its help tells it."""
+
+    flags: tuple[str, ...]
+    metavar: str
+    default: str
+    help: str
+    required: bool
+
+
+@dataclass(frozen=True)
+class CommandDoc:
+    """One command of `salab`."""
+
+    name: str
+    group: str
+    help: str
+    example: str
+    options: tuple[OptionDoc, ...]
+
+
+def commands() -> tuple[CommandDoc, ...]:
+    """Every command of `salab`: the one place here that knows how the command line is made."""
+    (chooser,) = (action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction))
+    helps = {choice.dest: choice.help or "" for choice in chooser._choices_actions}
+    return tuple(
+        CommandDoc(name, "", helps[name], "", tuple(_option(action) for action in _actions(parser)))
+        for name, parser in chooser.choices.items()
+    )
+
+
+def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    return [action for action in parser._actions if action.dest != "help"]
+
+
+def _option(action: argparse.Action) -> OptionDoc:
+    if action.choices:
+        metavar = " | ".join(str(choice) for choice in action.choices)
+    else:
+        metavar = "" if action.nargs == 0 else str(action.metavar or action.dest).upper()
+    value = action.default
+    has_default = value not in (None, False, argparse.SUPPRESS) and action.nargs != 0
+    values = value if isinstance(value, list) else [value]
+    return OptionDoc(
+        flags=tuple(action.option_strings) or (metavar,),
+        metavar=metavar if action.option_strings else "",
+        default=" ".join(str(item) for item in values) if has_default else "",
+        help=action.help or "",
+        required=action.required,
+    )
+
+
+def command_line() -> str:
+    """Every command with its options."""
+    parts = []
+    group = ""
+    for command in commands():
+        if command.group != group:
+            group = command.group
+            parts.append(f"## {group}")
+        rows = [
+            (
+                " ".join(f"`{flag}`" for flag in option.flags),
+                f"`{option.metavar}`" if option.metavar else "",
+                "must be given" if option.required else f"`{option.default}`" if option.default else "",
+                _sentence(option.help),
+            )
+            for option in command.options
+        ]
+        example = f"```sh\n{command.example}\n```" if command.example else ""
+        heading = "###" if group else "##"
+        parts += [
+            f"{heading} `salab {command.name}`",
+            _sentence(command.help),
+            example,
+            table(("option", "value", "default", "what it does"), rows),
+        ]
+    return joined(*parts)
+
+
+OPTION_OF_SETTING: Mapping[str, str] = {"data_dir": "--data", "study_file": "--study", "scene": "--no-scene"}
+"""Options of `salab serve` that are not called as their setting is."""
+
+
+def settings() -> str:
+    """Every setting of the lab, with the option of `salab serve` that sets it."""
+    (serve,) = (command for command in commands() if command.name == "serve")
+    options = {flag for option in serve.options for flag in option.flags}
+    texts = attribute_texts(LabConfig)
+    rows = []
+    for field in fields(LabConfig):
+        option = OPTION_OF_SETTING.get(field.name, f"--{field.name.replace('_', '-')}")
+        value = "" if field.default is None else f"`{field.default}`"
+        rows.append((f"`{field.name}`", f"`{option}`" if option in options else "", value, texts[field.name]))
+    return joined(table(("setting", "option", "default", "what it is"), rows))
+
+
+# ---- the export -------------------------------------------------------------------------------------------------
+
+
+def export_columns() -> str:
+    """Every column of every exported table."""
+    parts = []
+    for name in TABLES:
+        key = ", ".join(f"`{column}`" for column in KEYS.get(name, ()))
+        facts = [f"A row is found by {key}." if key else "Rows stand in the order they arrived."]
+        if name in REFERENCES:
+            facts.append(f"Each belongs to a row of [`{REFERENCES[name]}`](#{REFERENCES[name]}).")
+        rows = [(f"`{info.name}`", _column_kind(info), info.unit or "", info.description) for info in columns(name)]
+        about = f"{_sentence(DESCRIPTIONS[name])} {' '.join(facts)}"
+        parts += [f"## `{name}`", about, table(("column", "type", "unit", "meaning"), rows)]
+    return joined(*parts)
+
+
+def _column_kind(info: ColumnInfo) -> str:
+    noun = {"int": "whole number", "float": "number", "str": "text"}[info.type]
+    if info.json:
+        noun = f"JSON {info.json}"
+    if info.levels:
+        noun = " or ".join(f"`{level}`" for level in info.levels)
+    bounds = [f"at least {info.least}"] if info.least is not None else []
+    bounds += [f"at most {info.most}"] if info.most is not None else []
+    return ", ".join([noun, *bounds, *(["may be blank"] if info.optional else [])])
+
+
+# ---- the API ----------------------------------------------------------------------------------------------------
+
+
+def openapi() -> dict[str, Any]:
+    """What the lab says of its own API."""
+    return create_app(Lab(LabConfig(), None)).openapi()
+
+
+def http_api() -> str:
+    """Every route: what it does, what it takes, what it answers; then everything that is sent."""
+    described = openapi()
+    defs: Mapping[str, Schema] = described["components"]["schemas"]
+    parts = []
+    for path, methods in described["paths"].items():
+        for method, route in methods.items():
+            rows = [
+                (f"`{item['name']}`", f"in the {item['in']}", kind(item["schema"], defs), _default_of(item["schema"]))
+                for item in route.get("parameters", ())
+            ]
+            body = _content(route.get("requestBody", {}))
+            takes = f"Takes {_link(body, defs)}." if body else ""
+            answers = [
+                f"{status}: {_link(_content(reply), defs) or reply['description'].lower()}"
+                for status, reply in route["responses"].items()
+            ]
+            parts += [
+                f"## `{method.upper()} {path}`",
+                route.get("description", ""),
+                table(("parameter", "where", "value", "default"), rows),
+                " ".join(part for part in (takes, f"Answers {'; '.join(answers)}.") if part),
+            ]
+    parts.append("## What is sent")
+    for name, schema in defs.items():
+        rows_of = [
+            (f"`{key}`", kind(value, defs), default(key, schema), value.get("description", ""))
+            for key, value in schema.get("properties", {}).items()
+        ]
+        about = schema.get("description", "")
+        parts += [f"### {name.lstrip('_')}", about, table(("field", "value", "default", "meaning"), rows_of)]
+    return joined(*parts)
+
+
+def _content(holder: Schema) -> Schema:
+    found: Schema = holder.get("content", {}).get("application/json", {}).get("schema", {})
+    return found
+
+
+def _default_of(schema: Schema) -> str:
+    return code(schema["default"]) if "default" in schema else ""
+
+
+def _link(schema: Schema, defs: Mapping[str, Schema]) -> str:
+    if not schema:
+        return ""
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2].lstrip("_")
+        return f"[{name}](#{name.lower()})"
+    if schema.get("type") == "array" and "$ref" in schema.get("items", {}):
+        return f"a list of {_link(schema['items'], defs)}"
+    return kind(schema, defs)
+
+
+# ---- the protocol -----------------------------------------------------------------------------------------------
+
+
+def messages(union: Any) -> tuple[type[BaseModel], ...]:
+    """The message types of `ClientMessage` or `ServerMessage`, in order."""
+    either, *_ = get_args(union)
+    return get_args(either)
+
+
+def wire_protocol() -> str:
+    """Every message on a participant's socket."""
+    parts = []
+    for title, union in (
+        ("What a page sends", wire.ClientMessage),
+        ("What the lab sends", wire.ServerMessage),
+    ):
+        parts.append(f"## {title}")
+        for model in messages(union):
+            _, whole = models_json_schema([(model, "validation")], ref_template="{model}")
+            defs: Mapping[str, Schema] = whole["$defs"]
+            schema = defs[model.__name__]
+            rows = field_rows(model, schema, defs, skip=("type",))
+            parts += [
+                f"### `{schema['properties']['type']['const']}`",
+                inspect.getdoc(model) or "",
+                table(("field", "value", "default", "meaning"), rows),
+            ]
+    return joined(*parts)
+
+
+# ---- Sphinx -----------------------------------------------------------------------------------------------------
+
+GENERATED: Mapping[str, Callable[[], str]] = {
+    "study_file": study_file,
+    "settings": settings,
+    "command_line": command_line,
+    "export_columns": export_columns,
+    "http_api": http_api,
+    "wire_protocol": wire_protocol,
+}
+MARK = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
+
+
+def fill(text: str) -> str:
+    """A page with what is generated in the place of its marks."""
+    return MARK.sub(lambda mark: GENERATED[mark[1]](), text)
+
+
+def setup(app: Any) -> Mapping[str, bool]:
+    """Sphinx asks for this: fill each page as it is read, and read the reference again every time."""
+
+    def read(_: Any, docname: str, source: list[str]) -> None:
+        source[0] = fill(source[0])
+
+    def outdated(_: Any, env: Any, *changes: set[str]) -> list[str]:
+        return [name for name in env.found_docs if name.startswith("reference/")]
+
+    app.connect("source-read", read)
+    app.connect("env-get-outdated", outdated)
+    return {"parallel_read_safe": True}
