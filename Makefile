@@ -45,7 +45,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check bench clean FORCE
+.PHONY: help run test test-fast check bench docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -79,9 +79,13 @@ check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, test-fa
 bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, simulated studies and analysis
 	@$(PY) -m tests.bench
 
+docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
+	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
+	@echo "open build/docs/index.html"
+
 clean: ## remove the environment and caches; never the data
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
-	find app sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find app docs sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/.installed: pyproject.toml
 	@$(FIND_PYTHON); \
@@ -95,6 +99,6 @@ $(VENV)/.installed: pyproject.toml
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	@echo "== installing what the tests need"
-	@$(PIP) --editable '.[meshes,test]'
+	@echo "== installing what the tests and the documentation need"
+	@$(PIP) --editable '.[meshes,test,docs]'
 	@touch $@

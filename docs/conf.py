@@ -4,17 +4,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+sys.path.insert(0, str(ROOT))
 
 project = "Shared Autonomy Lab"
 author = "Shared Autonomy Lab contributors"
 project_copyright = f"2026 {author}"
 language = "en-GB"
 
-extensions = ["myst_parser", "reference"]
-exclude_patterns: list[str] = []
+extensions = ["myst_parser", "docs.reference"]
 myst_heading_anchors = 4
-suppress_warnings = ["myst.header"]  # the reference's headings are made from the code
 
 html_theme = "furo"
 html_title = project

@@ -14,6 +14,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -23,7 +24,7 @@ from app import wire
 from app.__main__ import _parser
 from app.config import LabConfig
 from app.lab.lab import Lab
-from app.simulated.variants import known_layouts
+from app.trial.world import known_layouts
 from app.web.server import create_app
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
@@ -535,6 +536,19 @@ def wire_protocol() -> str:
     return joined(*parts)
 
 
+# ---- the packages -----------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "tests")
+"""Where a README stands that says what a folder is, in the order told."""
+
+
+def packages() -> str:
+    """What each package says of itself."""
+    pages = [page for pattern in ROOMS for page in sorted(ROOT.glob(f"{pattern}/README.md"))]
+    return joined(*(re.sub(r"^#", "##", page.read_text(encoding="utf-8"), flags=re.MULTILINE) for page in pages))
+
+
 # ---- Sphinx -----------------------------------------------------------------------------------------------------
 
 GENERATED: Mapping[str, Callable[[], str]] = {
@@ -544,6 +558,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "export_columns": export_columns,
     "http_api": http_api,
     "wire_protocol": wire_protocol,
+    "packages": packages,
 }
 MARK = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 

@@ -12,8 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 TOP_LEVEL = {
-    *("pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "Makefile", ".ci", ".gitignore"),
-    *("app", "static", "sim", "study", "tests"),
+    *("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "Makefile"),
+    *(".ci", ".gitignore", "app", "docs", "static", "sim", "study", "tests"),
 }
 SKIPPED_FOLDERS = {".git", ".venv", "__pycache__", "data"}  # when there is no git to ask
 
