@@ -279,21 +279,21 @@ def study_file() -> str:
             for name in own_keys(item.model)
         ]
         heading = f"`{item.header}`" if item.path else item.header
-        about = "" if item.model is Study else _sentence(inspect.getdoc(item.model) or "")
+        about = "" if item.model is Study else sentence(inspect.getdoc(item.model) or "")
         parts += [
             f"## {heading}",
             about,
-            _sentence(said.of_table.get(item.path, "")),
+            sentence(said.of_table.get(item.path, "")),
             table(("key", "value", "default", "meaning"), rows),
         ]
     return joined(*parts, _ids())
 
 
 def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:
-    return _sentence(texts.get(name) or said.of_key.get((item.path, name), ""))
+    return sentence(texts.get(name) or said.of_key.get((item.path, name), ""))
 
 
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
     """Text with a capital and a full stop."""
     line = " ".join(text.split())
     return line[:1].upper() + line[1:] + ("" if line[-1:] in ("", ".", "?", "!", ":") else ".")
@@ -320,7 +320,7 @@ def _ids() -> str:
 
 @dataclass(frozen=True)
 class OptionDoc:
-    """One option or argument of a command, as its help tells it."""
+    """One option of a command, or an argument that is known by its place and has no flags."""
 
     flags: tuple[str, ...]
     metavar: str
@@ -363,8 +363,8 @@ def _option(action: argparse.Action) -> OptionDoc:
     has_default = value not in (None, False, argparse.SUPPRESS) and action.nargs != 0
     values = value if isinstance(value, list) else [value]
     return OptionDoc(
-        flags=tuple(action.option_strings) or (metavar,),
-        metavar=metavar if action.option_strings else "",
+        flags=tuple(action.option_strings),
+        metavar=metavar,
         default=" ".join(str(item) for item in values) if has_default else "",
         help=action.help or "",
         required=action.required,
@@ -381,10 +381,10 @@ def command_line() -> str:
             parts.append(f"## {group}")
         rows = [
             (
-                " ".join(f"`{flag}`" for flag in option.flags),
-                f"`{option.metavar}`" if option.metavar else "",
+                " ".join(f"`{name}`" for name in option.flags or (option.metavar,)),
+                f"`{option.metavar}`" if option.metavar and option.flags else "",
                 "must be given" if option.required else f"`{option.default}`" if option.default else "",
-                _sentence(option.help),
+                sentence(option.help),
             )
             for option in command.options
         ]
@@ -392,7 +392,7 @@ def command_line() -> str:
         heading = "###" if group else "##"
         parts += [
             f"{heading} `salab {command.name}`",
-            _sentence(command.help),
+            joined(*(sentence(part) for part in command.help.split("\n\n"))),
             example,
             table(("option", "value", "default", "what it does"), rows),
         ]
@@ -428,7 +428,7 @@ def export_columns() -> str:
         if name in REFERENCES:
             facts.append(f"Each belongs to a row of [`{REFERENCES[name]}`](#{REFERENCES[name]}).")
         rows = [(f"`{info.name}`", _column_kind(info), info.unit or "", info.description) for info in columns(name)]
-        about = f"{_sentence(DESCRIPTIONS[name])} {' '.join(facts)}"
+        about = f"{sentence(DESCRIPTIONS[name])} {' '.join(facts)}"
         parts += [f"## `{name}`", about, table(("column", "type", "unit", "meaning"), rows)]
     return joined(*parts)
 

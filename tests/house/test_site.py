@@ -31,7 +31,7 @@ class Loads(HTMLParser):
 
 def loads_from_elsewhere(text: str, is_page: bool) -> list[str]:
     """Addresses on other hosts that a page or a style would load."""
-    found = re.findall(r"(?:url\(|@import)\s*[\"']?([^\"')\s]+)", text)
+    found = re.findall(r"(?:@import\s+[\"']|url\(\s*[\"']?)([^\"')\s]+)", text)
     if is_page:
         parser = Loads()
         parser.feed(text)
@@ -94,6 +94,7 @@ def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
         '<link rel="stylesheet" href="//fonts.example/a.css">',
         '<img src="http://pictures.example/a.png">',
         "<style>@import url(https://fonts.example/a.css);</style>",
+        '<style>@import "//fonts.example/a.css";</style>',
     ],
 )
 def test_what_loads_from_elsewhere_is_found(text: str) -> None:
