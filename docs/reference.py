@@ -66,9 +66,8 @@ def code(value: object) -> str:
 def kind(schema: Schema, defs: Mapping[str, Schema]) -> str:
     """Type and bounds of a JSON schema in words."""
     if "$ref" in schema:
-        name = schema["$ref"].rpartition("/")[2]
-        target = defs[name]
-        return kind(target, defs) if target.get("type") != "object" else f"a table, `{name.lstrip('_')}`"
+        target = defs[schema["$ref"].rpartition("/")[2]]
+        return kind(target, defs) if target.get("type") != "object" else f"object, {_link(schema, defs)}"
     if "const" in schema:
         return code(schema["const"])
     if "enum" in schema:
@@ -166,8 +165,9 @@ def attribute_texts(owner: type) -> dict[str, str]:
         (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
         assert isinstance(definition, ast.ClassDef)
         for field, below in zip(definition.body, definition.body[1:], strict=False):
-            is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and is_text:
+            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+                continue
+            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
                 texts[field.target.id] = " ".join(str(below.value.value).split())
     return texts
 
