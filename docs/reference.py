@@ -6,7 +6,6 @@ the line's place. Each of these functions returns Markdown and can be called wit
 
 from __future__ import annotations
 
-import argparse
 import ast
 import inspect
 import json
@@ -21,7 +20,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from app import wire
-from app.__main__ import _parser
+from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.trial.world import known_layouts
@@ -318,64 +317,11 @@ def _ids() -> str:
 # ---- the lab's settings and the command line --------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class OptionDoc:
-    """One option of a command, or an argument that is known by its place and has no flags."""
-
-    flags: tuple[str, ...]
-    metavar: str
-    default: str
-    help: str
-    required: bool
-
-
-@dataclass(frozen=True)
-class CommandDoc:
-    """One command of `salab`."""
-
-    name: str
-    group: str
-    help: str
-    example: str
-    options: tuple[OptionDoc, ...]
-
-
-def commands() -> tuple[CommandDoc, ...]:
-    """Every command of `salab`: the one place here that knows how the command line is made."""
-    (chooser,) = (action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction))
-    helps = {choice.dest: choice.help or "" for choice in chooser._choices_actions}
-    return tuple(
-        CommandDoc(name, "", helps[name], "", tuple(_option(action) for action in _actions(parser)))
-        for name, parser in chooser.choices.items()
-    )
-
-
-def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    return [action for action in parser._actions if action.dest != "help"]
-
-
-def _option(action: argparse.Action) -> OptionDoc:
-    if action.choices:
-        metavar = " | ".join(str(choice) for choice in action.choices)
-    else:
-        metavar = "" if action.nargs == 0 else str(action.metavar or action.dest).upper()
-    value = action.default
-    has_default = value not in (None, False, argparse.SUPPRESS) and action.nargs != 0
-    values = value if isinstance(value, list) else [value]
-    return OptionDoc(
-        flags=tuple(action.option_strings),
-        metavar=metavar,
-        default=" ".join(str(item) for item in values) if has_default else "",
-        help=action.help or "",
-        required=action.required,
-    )
-
-
 def command_line() -> str:
     """Every command with its options."""
     parts = []
     group = ""
-    for command in commands():
+    for command in described():
         if command.group != group:
             group = command.group
             parts.append(f"## {group}")
@@ -405,7 +351,7 @@ OPTION_OF_SETTING: Mapping[str, str] = {"data_dir": "--data", "study_file": "--s
 
 def settings() -> str:
     """Every setting of the lab, with the option of `salab serve` that sets it."""
-    (serve,) = (command for command in commands() if command.name == "serve")
+    (serve,) = (command for command in described() if command.name == "serve")
     options = {flag for option in serve.options for flag in option.flags}
     texts = attribute_texts(LabConfig)
     rows = []
