@@ -21,7 +21,7 @@ from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
 from app.wire import ClientMessage, ServerMessage
-from docs import reference
+from docs import reference, words
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
 from study.records import TABLES, codebook
@@ -110,12 +110,12 @@ def test_every_option_of_every_command_is_documented_with_its_default() -> None:
     for command in COMMANDS.values():
         part = page.split(f"# `salab {command.name}`\n")[1].split("\n#")[0]
         rows = {tuple(re.findall(r"`([^`]+)`", row[0])): row for row in rows_of(part)}
-        assert all(reference.sentence(said) in part for said in command.help.split("\n\n") if said)
+        assert all(words.sentence(said) in part for said in command.help.split("\n\n") if said)
         assert f"```sh\n{command.example}\n```" in part
         for option in command.options:
             _, _, default, meaning = rows[option.flags or (option.metavar,)]
             assert option.help, f"salab {command.name} {option.flags or option.metavar} has no help"
-            assert meaning == reference.cell(reference.sentence(option.help))
+            assert meaning == words.cell(words.sentence(option.help))
             assert default == ("must be given" if option.required else f"`{option.default}`" if option.default else "")
 
 
@@ -251,7 +251,7 @@ def test_every_column_is_in_the_reference_as_in_the_codebook() -> None:
     parts = re.split(r"^## ", reference.export_columns(), flags=re.MULTILINE)[1:]
     rows = [(part.split("`")[1], *row) for part in parts for row in rows_of(part)[1:]]
     assert [(table, name, unit, meaning) for table, name, _, unit, meaning in rows] == [
-        (info.table, f"`{info.name}`", info.unit or "", reference.cell(info.description)) for info in codebook()
+        (info.table, f"`{info.name}`", info.unit or "", words.cell(info.description)) for info in codebook()
     ]
 
 
