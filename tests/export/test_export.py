@@ -17,7 +17,7 @@ from study.definition.study import parse_study
 from study.export.export import ExportError, export, export_zip, read_meta, read_table, write_tables
 from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns
-from study.store import Batch, Consent, Store, open_store
+from study.store import Batch, ConsentGiven, Store, open_store
 from tests.support.study_samples import (
     BINS,
     LAYOUTS,
@@ -47,7 +47,7 @@ def fill(store: Store, public_id: str, **options: Any) -> str:
     store.commit(
         Batch(
             session=advance(session.session, "consent_given", 0.0)[0],
-            consent=Consent(UTC, "c" * 64),
+            consent=ConsentGiven(UTC, "c" * 64),
             ticks=tuple(tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)),
             practice_ticks=(tick_row(who, 0),),
             trials=(dataclasses.replace(trial_row(who), outcome="completed", ticks=3),),
