@@ -326,7 +326,7 @@ def test_every_room_is_there_and_says_what_it_is() -> None:
 
 
 def test_every_module_a_readme_names_is_there() -> None:
-    for path in sorted(path for package in PACKAGES for path in (ROOT / package).rglob("README.md")):
+    for path in sorted(path for package in (*PACKAGES, "tests") for path in (ROOT / package).rglob("README.md")):
         for name in re.findall(r"`([\w/]+\.(?:py|toml|json))`", path.read_text(encoding="utf-8")):
             assert (path.parent / name).exists() or (ROOT / name).exists(), f"{path.relative_to(ROOT)} names {name}"
 
