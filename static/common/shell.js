@@ -23,7 +23,11 @@ export class Toasts {
     const twin = shown.find((toast) => toast.dataset.text === text);
     if (twin) twin.remove();
     if (shown.length > 3) shown[0].remove();
-    const close = h("button", { class: "quiet small", type: "button", "aria-label": "Dismiss this message" }, "Dismiss");
+    const close = h(
+      "button",
+      { class: "quiet small", type: "button", "aria-label": "Dismiss this message" },
+      "Dismiss",
+    );
     const toast = h(
       "div",
       { class: problem ? "toast problem" : "toast", data: { text, testid: problem ? "toast-problem" : "toast" } },
@@ -44,13 +48,26 @@ export class Toasts {
  * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
  * `question`: {title, text: [..], confirm, back, field?: {label, required, missing, check: text => problem}, danger?, testid}
  */
-export function ask({ title, text = [], confirm, back = "Go back", field = null, danger = false, testid, extra = null }) {
+export function ask({
+  title,
+  text = [],
+  confirm,
+  back = "Go back",
+  field = null,
+  danger = false,
+  testid,
+  extra = null,
+}) {
   return new Promise((resolve) => {
     const titleId = freshId("dialog-title");
     const fieldId = freshId("dialog-field");
     const input = field && h("textarea", { id: fieldId, rows: 3, maxlength: 2000, required: field.required });
     const error = h("p", { class: "field-error", role: "alert", hidden: true });
-    const yes = h("button", { type: "submit", class: danger ? "danger" : "primary", data: { testid: "dialog-confirm" } }, confirm);
+    const yes = h(
+      "button",
+      { type: "submit", class: danger ? "danger" : "primary", data: { testid: "dialog-confirm" } },
+      confirm,
+    );
     const no = h("button", { type: "button", class: "secondary", data: { testid: "dialog-back" } }, back);
     const form = h(
       "form",
@@ -99,10 +116,24 @@ export class Shell {
     this.toasts = new Toasts();
     this.main = h("main", { id: "main", tabindex: "-1" });
     this.title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
-    this.demo = h("span", { class: "badge", hidden: true, data: { testid: "demo-badge" } }, "Demo – not part of the data");
+    this.demo = h(
+      "span",
+      { class: "badge", hidden: true, data: { testid: "demo-badge" } },
+      "Demo – not part of the data",
+    );
     this.connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
-    this.help = h("button", { type: "button", class: "secondary small", data: { testid: "help-button" } }, icon("help"), "Help");
-    this.stop = h("button", { type: "button", class: "secondary small stop", data: { testid: "stop-button" } }, icon("hand"), "Stop");
+    this.help = h(
+      "button",
+      { type: "button", class: "secondary small", data: { testid: "help-button" } },
+      icon("help"),
+      "Help",
+    );
+    this.stop = h(
+      "button",
+      { type: "button", class: "secondary small stop", data: { testid: "stop-button" } },
+      icon("hand"),
+      "Stop",
+    );
     this.help.addEventListener("click", onHelp);
     this.stop.addEventListener("click", onStop);
     this.header = h(
@@ -156,7 +187,16 @@ export function card({ title, lines = [], actions = [], testid, wide = false, bo
 }
 
 /** A button that submits a step once and says while it waits. Errors reach the person as toasts. */
-export function stepButton({ socket, step, data = () => ({}), label, busy = "Saving", kind = "primary", testid, onError }) {
+export function stepButton({
+  socket,
+  step,
+  data = () => ({}),
+  label,
+  busy = "Saving",
+  kind = "primary",
+  testid,
+  onError,
+}) {
   const button = h("button", { type: "button", class: kind, data: { testid } }, label);
   button.addEventListener("click", () => {
     whileBusy(button, busy, async () => {

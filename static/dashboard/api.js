@@ -64,7 +64,10 @@ export class Api {
   }
 
   async act(participant, action, reason) {
-    await this._ask(`/api/sessions/${encodeURIComponent(participant)}/${action}`, { method: "POST", body: { reason: reason || null } });
+    await this._ask(`/api/sessions/${encodeURIComponent(participant)}/${action}`, {
+      method: "POST",
+      body: { reason: reason || null },
+    });
   }
 
   /** What the experimenter says about a session or to its participant: note, mark, message, help_seen. */
@@ -104,7 +107,12 @@ export class Api {
     try {
       const headers = { Authorization: `Bearer ${this.token}`, "Salab-Who": encodeURIComponent(this.initials) };
       if (body !== undefined) headers["Content-Type"] = "application/json";
-      answer = await fetch(labUrl(path), { method, headers, body: body === undefined ? undefined : JSON.stringify(body), cache: "no-store" });
+      answer = await fetch(labUrl(path), {
+        method,
+        headers,
+        body: body === undefined ? undefined : JSON.stringify(body),
+        cache: "no-store",
+      });
     } catch {
       throw Object.assign(new Error("The lab does not answer. Is it still running?"), { status: 0 });
     }
@@ -117,7 +125,8 @@ export class Api {
 async function words(answer) {
   try {
     const { detail, message, error } = await answer.json();
-    if (Array.isArray(detail)) return detail.map((one) => `${(one.loc ?? []).slice(1).join(".")}: ${one.msg}`).join("; ");
+    if (Array.isArray(detail))
+      return detail.map((one) => `${(one.loc ?? []).slice(1).join(".")}: ${one.msg}`).join("; ");
     const text = detail?.message ?? detail ?? message ?? error;
     if (typeof text === "string" && answer.status !== 401 && answer.status !== 403) return text;
   } catch {

@@ -1,9 +1,9 @@
 // Which part of the dashboard is on the screen: all sessions, or the one named in the address (#session=P001).
 
-import { STATES } from "./sessions_table.js";
 import { h } from "../common/dom.js";
 import { LiveFeed } from "./live_feed.js";
 import { SessionPage } from "./live_session.js";
+import { STATES } from "./sessions_table.js";
 
 export class Live {
   /** `onAct(participant, command)` does something; `onSessions` gets every session whenever one changed. */
@@ -71,10 +71,21 @@ export class Live {
     if (!this.page || !this.feed.fed) return;
     const session = this.feed.sessions.get(this.page.participant);
     if (session) {
-      this.page.showSession(session, session.state === "paused" ? `Paused (${(STATES[session.place] ?? session.place).toLowerCase()})` : STATES[session.state] ?? session.state);
+      this.page.showSession(
+        session,
+        session.state === "paused"
+          ? `Paused (${(STATES[session.place] ?? session.place).toLowerCase()})`
+          : (STATES[session.state] ?? session.state),
+      );
       return;
     }
-    const gone = h("section", { class: "card" }, h("h1", { tabindex: "-1" }, "There is no such session"), h("p", {}, `The lab knows no participant ${this.page.participant}.`), h("p", {}, h("a", { href: "#" }, "All sessions")));
+    const gone = h(
+      "section",
+      { class: "card" },
+      h("h1", { tabindex: "-1" }, "There is no such session"),
+      h("p", {}, `The lab knows no participant ${this.page.participant}.`),
+      h("p", {}, h("a", { href: "#" }, "All sessions")),
+    );
     if (!this.main.querySelector(".card")) this.main.replaceChildren(gone);
   }
 }

@@ -8,7 +8,14 @@ const SCALE = 620; // pixels a metre
 const MARGIN = { left: 58, right: 14, top: 14, bottom: 46 };
 const STEP_M = 0.2;
 // From light to dark, one hue to the next: the order stays readable without colour.
-const RAMP = [[250, 247, 225], [250, 214, 137], [238, 155, 88], [200, 91, 90], [138, 46, 101], [66, 20, 84]];
+const RAMP = [
+  [250, 247, 225],
+  [250, 214, 137],
+  [238, 155, 88],
+  [200, 91, 90],
+  [138, 46, 101],
+  [66, 20, 84],
+];
 const KINDS = { information: "A · Expected information gain", reward: "B · Goal-oriented reward" };
 
 export class PlaneView {
@@ -19,15 +26,51 @@ export class PlaneView {
     this.lastMs = -Infinity;
     this.again = null;
     const name = freshId("plane");
-    this.canvas = h("canvas", { class: "plane", role: "img", "aria-label": "Heatmap over the table", data: { testid: "heatmap" } });
+    this.canvas = h("canvas", {
+      class: "plane",
+      role: "img",
+      "aria-label": "Heatmap over the table",
+      data: { testid: "heatmap" },
+    });
     this.legend = h("div", { class: "plane-legend" });
     this.goals = h("ol", { class: "plane-goals", type: "A" });
     this.caption = h("p", { class: "hint" });
     this.note = h("p", { class: "hint", role: "status" }, "There is a heatmap while the robot is being driven.");
-    const choice = (kind) => h("label", {}, h("input", { type: "radio", name, value: kind, checked: kind === this.kind, data: { testid: `heatmap-${kind}` }, on: { change: () => this._choose(kind) } }), KINDS[kind]);
-    this.picture = h("div", { class: "plane-picture", hidden: true }, h("div", { class: "plane-scroll" }, this.canvas), h("div", {}, this.legend, h("h3", {}, "Goals"), this.goals));
-    this.element = h("section", { class: "board-card", "aria-labelledby": `${name}-title` }, h("h2", { id: `${name}-title` }, "Where the robot would rather be (paper, Fig. 2)"),
-      h("fieldset", { class: "plane-choice" }, h("legend", { class: "visually-hidden" }, "Heatmap"), choice("information"), choice("reward")), this.note, this.picture, this.caption);
+    const choice = (kind) =>
+      h(
+        "label",
+        {},
+        h("input", {
+          type: "radio",
+          name,
+          value: kind,
+          checked: kind === this.kind,
+          data: { testid: `heatmap-${kind}` },
+          on: { change: () => this._choose(kind) },
+        }),
+        KINDS[kind],
+      );
+    this.picture = h(
+      "div",
+      { class: "plane-picture", hidden: true },
+      h("div", { class: "plane-scroll" }, this.canvas),
+      h("div", {}, this.legend, h("h3", {}, "Goals"), this.goals),
+    );
+    this.element = h(
+      "section",
+      { class: "board-card", "aria-labelledby": `${name}-title` },
+      h("h2", { id: `${name}-title` }, "Where the robot would rather be (paper, Fig. 2)"),
+      h(
+        "fieldset",
+        { class: "plane-choice" },
+        h("legend", { class: "visually-hidden" }, "Heatmap"),
+        choice("information"),
+        choice("reward"),
+      ),
+      this.note,
+      this.picture,
+      this.caption,
+    );
   }
 
   /** Draws the newest tick, at most twice a second; what comes meanwhile is drawn together, a little later. */
@@ -86,10 +129,12 @@ export class PlaneView {
     pen.beginPath();
     pen.rect(left, top, width, height);
     pen.clip();
-    values.forEach((row, i) => row.forEach((value, j) => {
-      pen.fillStyle = colour((value - low) / (high - low || 1));
-      pen.fillRect(px(y_m[j]) - cell.w / 2, py(x_m[i]) - cell.h / 2, cell.w + 1, cell.h + 1);
-    }));
+    values.forEach((row, i) =>
+      row.forEach((value, j) => {
+        pen.fillStyle = colour((value - low) / (high - low || 1));
+        pen.fillRect(px(y_m[j]) - cell.w / 2, py(x_m[i]) - cell.h / 2, cell.w + 1, cell.h + 1);
+      }),
+    );
     pen.restore();
     frame(pen, px, py, plane, { left, top, width, height });
     plane.goals.forEach((goal, index) => mark(pen, px(goal.position_m[1]), py(goal.position_m[0]), letter(index)));
@@ -101,10 +146,31 @@ export class PlaneView {
     const digits = high - low < 0.01 ? 4 : 3;
     const unit = plane.unit === "m" ? " m" : "";
     const stops = [high, (low + high) / 2, low].map((value) => h("span", {}, `${value.toFixed(digits)}${unit}`));
-    this.legend.replaceChildren(h("div", { class: "plane-ramp", style: `background: linear-gradient(${RAMP.map((one, index) => `rgb(${RAMP.at(-1 - index).join(" ")}) ${(100 * index) / (RAMP.length - 1)}%`).join(", ")})` }), h("div", { class: "plane-stops" }, stops));
-    this.goals.replaceChildren(...plane.goals.map((goal) => h("li", {}, `${goal.label}: ${goal.probability.toFixed(2)}`, goal.instructed ? h("span", { class: "instructed" }, "instructed") : null)));
-    setText(this.caption, `${plane.caption} Plane at the gripper's height, z = ${plane.z_m.toFixed(2)} m; + is the gripper, the outline is the table. Tick ${plane.tick}.`);
-    this.canvas.setAttribute("aria-label", `${KINDS[plane.kind]} over the table: from ${low.toFixed(digits)} to ${high.toFixed(digits)}${unit}, highest ${highest(plane)}.`);
+    this.legend.replaceChildren(
+      h("div", {
+        class: "plane-ramp",
+        style: `background: linear-gradient(${RAMP.map((one, index) => `rgb(${RAMP.at(-1 - index).join(" ")}) ${(100 * index) / (RAMP.length - 1)}%`).join(", ")})`,
+      }),
+      h("div", { class: "plane-stops" }, stops),
+    );
+    this.goals.replaceChildren(
+      ...plane.goals.map((goal) =>
+        h(
+          "li",
+          {},
+          `${goal.label}: ${goal.probability.toFixed(2)}`,
+          goal.instructed ? h("span", { class: "instructed" }, "instructed") : null,
+        ),
+      ),
+    );
+    setText(
+      this.caption,
+      `${plane.caption} Plane at the gripper's height, z = ${plane.z_m.toFixed(2)} m; + is the gripper, the outline is the table. Tick ${plane.tick}.`,
+    );
+    this.canvas.setAttribute(
+      "aria-label",
+      `${KINDS[plane.kind]} over the table: from ${low.toFixed(digits)} to ${high.toFixed(digits)}${unit}, highest ${highest(plane)}.`,
+    );
   }
 }
 
@@ -167,7 +233,10 @@ function mark(pen, x, y, text) {
 }
 
 function cross(pen, x, y) {
-  for (const [colour, width] of [["#fff", 7], ["#0b5c7d", 3]]) {
+  for (const [colour, width] of [
+    ["#fff", 7],
+    ["#0b5c7d", 3],
+  ]) {
     pen.strokeStyle = colour;
     pen.lineWidth = width;
     pen.beginPath();

@@ -13,15 +13,43 @@ export class Spectator {
     this.frame = null;
     const titleId = freshId("spectator");
     const helpId = freshId("spectator-help");
-    this.toggle = h("button", { type: "button", class: "secondary small", "aria-expanded": "false", data: { testid: "spectator-toggle" } }, OPEN);
+    this.toggle = h(
+      "button",
+      { type: "button", class: "secondary small", "aria-expanded": "false", data: { testid: "spectator-toggle" } },
+      OPEN,
+    );
     this.toggle.addEventListener("click", () => (this.frame ? this.close() : this._open()));
-    this.steer = h("button", { type: "button", class: "secondary small", hidden: true, "aria-describedby": helpId, data: { testid: "spectator-steer" } }, "Steer by keys");
+    this.steer = h(
+      "button",
+      {
+        type: "button",
+        class: "secondary small",
+        hidden: true,
+        "aria-describedby": helpId,
+        data: { testid: "spectator-steer" },
+      },
+      "Steer by keys",
+    );
     this.steer.addEventListener("click", () => this.frame?.contentWindow.focus());
     this.sign = h("p", { class: "spectator-sign", role: "status", hidden: true, data: { testid: "spectator-sign" } });
     this.stage = h("div", { class: "spectator", hidden: true, data: { testid: "spectator" } }, this.sign);
-    this.help = h("p", { class: "hint", id: helpId, hidden: true }, "Columns show the belief, the ring the instructed goal; the participant sees nothing of this. Drag to orbit, scroll to come closer. By keys: arrows orbit, W A S D move, Q and E go down and up, Escape leaves.");
-    this.element = h("section", { class: "board-card", "aria-labelledby": titleId },
-      h("div", { class: "board-head" }, h("h2", { id: titleId }, "The robot in 3-D"), h("span", { class: "buttons" }, this.steer, this.toggle)), this.stage, this.help);
+    this.help = h(
+      "p",
+      { class: "hint", id: helpId, hidden: true },
+      "Columns show the belief, the ring the instructed goal; the participant sees nothing of this. Drag to orbit, scroll to come closer. By keys: arrows orbit, W A S D move, Q and E go down and up, Escape leaves.",
+    );
+    this.element = h(
+      "section",
+      { class: "board-card", "aria-labelledby": titleId },
+      h(
+        "div",
+        { class: "board-head" },
+        h("h2", { id: titleId }, "The robot in 3-D"),
+        h("span", { class: "buttons" }, this.steer, this.toggle),
+      ),
+      this.stage,
+      this.help,
+    );
     this._message = (event) => {
       if (!this.frame || event.source !== this.frame.contentWindow) return;
       if (event.data?.type === "scene") {
@@ -61,7 +89,12 @@ export class Spectator {
         return;
       }
       this.connected = false;
-      this.frame = h("iframe", { class: "spectator-frame", title: `The robot of ${this.participant} in 3-D`, src: labUrl(`/dashboard/scene/${encodeURIComponent(this.participant)}/`), data: { testid: "spectator-frame" } });
+      this.frame = h("iframe", {
+        class: "spectator-frame",
+        title: `The robot of ${this.participant} in 3-D`,
+        src: labUrl(`/dashboard/scene/${encodeURIComponent(this.participant)}/`),
+        data: { testid: "spectator-frame" },
+      });
       this.stage.prepend(this.frame);
       for (const part of [this.stage, this.help, this.steer]) part.hidden = false;
       this._say();

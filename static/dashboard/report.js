@@ -11,13 +11,41 @@ export class Report {
     const titleId = freshId("report");
     this.make = h("button", { type: "button", class: "secondary", data: { testid: "make-report" } }, "Make the report");
     this.make.addEventListener("click", () => this._make());
-    this.link = h("a", { class: "button secondary", href: labUrl("/dashboard/report/"), target: "_blank", rel: "noopener", hidden: true, data: { testid: "open-report" } }, "Open the report (new tab)");
+    this.link = h(
+      "a",
+      {
+        class: "button secondary",
+        href: labUrl("/dashboard/report/"),
+        target: "_blank",
+        rel: "noopener",
+        hidden: true,
+        data: { testid: "open-report" },
+      },
+      "Open the report (new tab)",
+    );
     this.status = h("p", { class: "hint", role: "status", data: { testid: "report-status" } });
-    this.bar = h("progress", { class: "report-bar", max: 1, value: 0, hidden: true, "aria-label": "How far the report is" });
+    this.bar = h("progress", {
+      class: "report-bar",
+      max: 1,
+      value: 0,
+      hidden: true,
+      "aria-label": "How far the report is",
+    });
     this.figures = h("div", { class: "report-figures", data: { testid: "report-figures" } });
-    this.element = h("section", { "aria-labelledby": titleId }, h("h3", { id: titleId }, "Report of the data so far"),
-      h("p", { class: "hint" }, "The paper's measures, comparisons and figures, without pilots, demos and trials that were not completed. It takes some seconds and holds up no session; it is not kept when the lab ends."),
-      h("div", { class: "actions" }, this.make, this.link), this.bar, this.status, this.figures);
+    this.element = h(
+      "section",
+      { "aria-labelledby": titleId },
+      h("h3", { id: titleId }, "Report of the data so far"),
+      h(
+        "p",
+        { class: "hint" },
+        "The paper's measures, comparisons and figures, without pilots, demos and trials that were not completed. It takes some seconds and holds up no session; it is not kept when the lab ends.",
+      ),
+      h("div", { class: "actions" }, this.make, this.link),
+      this.bar,
+      this.status,
+      this.figures,
+    );
   }
 
   start() {
@@ -65,15 +93,37 @@ export class Report {
     this.bar.max = report.of || 1;
     this.bar.value = Math.max(0, report.step - 1);
     this.link.hidden = !made;
-    setText(this.status, {
-      none: "Not made yet.",
-      making: report.of ? `${report.text} (step ${report.step} of ${report.of})` : report.text,
-      made: `Made ${new Date(report.made_utc).toLocaleString([], { dateStyle: "medium", timeStyle: "short" })} of ${report.trials} completed trials of ${report.participants} participants.`,
-      cannot: `Nothing to report yet. ${report.text}`,
-    }[report.state]);
-    this.figures.replaceChildren(...report.figures.map(({ name, title }) => h("figure", {},
-      h("a", { href: labUrl(`/dashboard/report/figures/${name}.svg`), target: "_blank", rel: "noopener", title: `${title}: open the drawing (new tab)` },
-        h("img", { src: labUrl(`/dashboard/report/figures/${name}.png?made=${encodeURIComponent(report.made_utc)}`), alt: title, loading: "lazy" })),
-      h("figcaption", {}, title))));
+    setText(
+      this.status,
+      {
+        none: "Not made yet.",
+        making: report.of ? `${report.text} (step ${report.step} of ${report.of})` : report.text,
+        made: `Made ${new Date(report.made_utc).toLocaleString([], { dateStyle: "medium", timeStyle: "short" })} of ${report.trials} completed trials of ${report.participants} participants.`,
+        cannot: `Nothing to report yet. ${report.text}`,
+      }[report.state],
+    );
+    this.figures.replaceChildren(
+      ...report.figures.map(({ name, title }) =>
+        h(
+          "figure",
+          {},
+          h(
+            "a",
+            {
+              href: labUrl(`/dashboard/report/figures/${name}.svg`),
+              target: "_blank",
+              rel: "noopener",
+              title: `${title}: open the drawing (new tab)`,
+            },
+            h("img", {
+              src: labUrl(`/dashboard/report/figures/${name}.png?made=${encodeURIComponent(report.made_utc)}`),
+              alt: title,
+              loading: "lazy",
+            }),
+          ),
+          h("figcaption", {}, title),
+        ),
+      ),
+    );
   }
 }

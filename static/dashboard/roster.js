@@ -7,9 +7,38 @@ import { gridTable, legend } from "./roster_grid.js";
 
 const PAGE = 25;
 const EVERY_MS = 5000;
-const SHOW = [["all", "Everybody"], ["study", "Participants"], ["pilot", "Pilots"], ["demo", "Demos"], ["waiting", "Not begun"], ["under_way", "Under way"], ["done", "Complete"], ["rejected", "Rejected"], ["withdrawn", "Withdrawn"], ["aborted", "Aborted"], ["screened_out", "Screened out"], ["erased", "Erased"]];
-const COUNTED = { waiting: "not begun", under_way: "under way", done: "complete", rejected: "rejected", withdrawn: "withdrawn", aborted: "aborted", screened_out: "screened out", pilot: "pilots", demo: "demos", erased: "erased" };
-const ACTIONS = [["new_link", "New link", newLink], ["reject", "Reject", reject], ["withdraw", "Withdraw", withdraw], ["erase", "Erase", erase]];
+const SHOW = [
+  ["all", "Everybody"],
+  ["study", "Participants"],
+  ["pilot", "Pilots"],
+  ["demo", "Demos"],
+  ["waiting", "Not begun"],
+  ["under_way", "Under way"],
+  ["done", "Complete"],
+  ["rejected", "Rejected"],
+  ["withdrawn", "Withdrawn"],
+  ["aborted", "Aborted"],
+  ["screened_out", "Screened out"],
+  ["erased", "Erased"],
+];
+const COUNTED = {
+  waiting: "not begun",
+  under_way: "under way",
+  done: "complete",
+  rejected: "rejected",
+  withdrawn: "withdrawn",
+  aborted: "aborted",
+  screened_out: "screened out",
+  pilot: "pilots",
+  demo: "demos",
+  erased: "erased",
+};
+const ACTIONS = [
+  ["new_link", "New link", newLink],
+  ["reject", "Reject", reject],
+  ["withdraw", "Withdraw", withdraw],
+  ["erase", "Erase", erase],
+];
 
 export class Roster {
   constructor({ api, toasts, onActed = () => {} }) {
@@ -18,10 +47,25 @@ export class Roster {
     this.drawn = "";
     const searchId = freshId("search");
     const showId = freshId("show");
-    this.search = h("input", { id: searchId, type: "text", maxlength: 200, autocomplete: "off", data: { testid: "roster-search" } });
-    this.show = h("select", { id: showId, data: { testid: "roster-show" } }, SHOW.map(([value, label]) => h("option", { value }, label)));
+    this.search = h("input", {
+      id: searchId,
+      type: "text",
+      maxlength: 200,
+      autocomplete: "off",
+      data: { testid: "roster-search" },
+    });
+    this.show = h(
+      "select",
+      { id: showId, data: { testid: "roster-show" } },
+      SHOW.map(([value, label]) => h("option", { value }, label)),
+    );
     for (const control of [this.search, this.show]) control.addEventListener("input", () => this._turn(0));
-    this.grid = h("div", { class: "table-scroll order-scroll", tabindex: "0", role: "region", "aria-label": "Counterbalancing" });
+    this.grid = h("div", {
+      class: "table-scroll order-scroll",
+      tabindex: "0",
+      role: "region",
+      "aria-label": "Counterbalancing",
+    });
     this.counts = h("p", { class: "hint", data: { testid: "roster-counts" } });
     this.body = h("tbody", {});
     this.problem = h("p", { class: "field-error", role: "alert", hidden: true, data: { testid: "roster-problem" } });
@@ -30,14 +74,39 @@ export class Roster {
     this.later = h("button", { type: "button", class: "secondary small", data: { testid: "roster-older" } }, "Older");
     this.earlier.addEventListener("click", () => this._turn(this.offset - PAGE));
     this.later.addEventListener("click", () => this._turn(this.offset + PAGE));
-    const columns = ["Participant", "Enrolled for", "State", "Order", "Created", "Actions"].map((name) => h("th", { scope: "col" }, name));
+    const columns = ["Participant", "Enrolled for", "State", "Order", "Created", "Actions"].map((name) =>
+      h("th", { scope: "col" }, name),
+    );
     this.recruitment = h("div", { hidden: true, data: { testid: "recruitment" } });
-    this.element = h("section", { class: "board-card", "aria-labelledby": "roster-title", data: { testid: "roster" } },
-      h("h2", { id: "roster-title" }, "Roster"), this.problem, this.counts, this.recruitment,
-      h("h3", {}, "Counterbalancing"), legend(), this.grid,
-      h("div", { class: "create" }, h("div", { class: "field grow" }, h("label", { for: searchId }, "Find by id or note"), this.search), h("div", { class: "field" }, h("label", { for: showId }, "Show"), this.show)),
-      h("div", { class: "table-scroll" }, h("table", { class: "sessions", data: { testid: "roster-table" } }, h("caption", { class: "visually-hidden" }, "Everybody enrolled, newest first"), h("thead", {}, h("tr", {}, columns)), this.body)),
-      h("div", { class: "actions" }, this.earlier, this.later, this.range));
+    this.element = h(
+      "section",
+      { class: "board-card", "aria-labelledby": "roster-title", data: { testid: "roster" } },
+      h("h2", { id: "roster-title" }, "Roster"),
+      this.problem,
+      this.counts,
+      this.recruitment,
+      h("h3", {}, "Counterbalancing"),
+      legend(),
+      this.grid,
+      h(
+        "div",
+        { class: "create" },
+        h("div", { class: "field grow" }, h("label", { for: searchId }, "Find by id or note"), this.search),
+        h("div", { class: "field" }, h("label", { for: showId }, "Show"), this.show),
+      ),
+      h(
+        "div",
+        { class: "table-scroll" },
+        h(
+          "table",
+          { class: "sessions", data: { testid: "roster-table" } },
+          h("caption", { class: "visually-hidden" }, "Everybody enrolled, newest first"),
+          h("thead", {}, h("tr", {}, columns)),
+          this.body,
+        ),
+      ),
+      h("div", { class: "actions" }, this.earlier, this.later, this.range),
+    );
   }
 
   start() {
@@ -52,7 +121,12 @@ export class Roster {
 
   async refresh() {
     const asked = (this.asked = (this.asked ?? 0) + 1);
-    const query = new URLSearchParams({ offset: this.offset, limit: PAGE, show: this.show.value, search: this.search.value });
+    const query = new URLSearchParams({
+      offset: this.offset,
+      limit: PAGE,
+      show: this.show.value,
+      search: this.search.value,
+    });
     try {
       const roster = await this.api.get(`/api/roster?${query}`);
       if (asked !== this.asked) return; // a newer question is on its way
@@ -75,10 +149,18 @@ export class Roster {
     const text = JSON.stringify(roster);
     if (text === this.drawn) return; // the same elements stay, and with them focus and selection
     this.drawn = text;
-    const focus = document.activeElement?.dataset?.testid && this.body.contains(document.activeElement) ? document.activeElement : null;
+    const focus =
+      document.activeElement?.dataset?.testid && this.body.contains(document.activeElement)
+        ? document.activeElement
+        : null;
     const place = focus && [focus.closest("tr").dataset.participant, focus.dataset.testid];
     this.withdrawal = roster.withdrawal;
-    setText(this.counts, Object.entries(COUNTED).map(([key, words]) => `${roster.counts[key]} ${words}`).join(" · "));
+    setText(
+      this.counts,
+      Object.entries(COUNTED)
+        .map(([key, words]) => `${roster.counts[key]} ${words}`)
+        .join(" · "),
+    );
     this._recruit(roster.recruitment);
     this.grid.replaceChildren(gridTable(roster.grid));
     this.body.replaceChildren(...roster.lines.map((line) => this._line(line)));
@@ -86,7 +168,8 @@ export class Roster {
     setText(this.range, roster.total === 0 ? "Nobody" : `${roster.offset + 1}–${last} of ${roster.total}`);
     this.earlier.disabled = roster.offset === 0;
     this.later.disabled = last >= roster.total;
-    if (place) this.body.querySelector(`tr[data-participant="${CSS.escape(place[0])}"] [data-testid="${place[1]}"]`)?.focus();
+    if (place)
+      this.body.querySelector(`tr[data-participant="${CSS.escape(place[0])}"] [data-testid="${place[1]}"]`)?.focus();
   }
 
   /** The open link to give out. The same elements stay while only the count changes: a press on Copy survives. */
@@ -96,26 +179,86 @@ export class Roster {
     if (this.recruitment.dataset.link !== link) {
       this.recruitment.dataset.link = link;
       this.places = h("p", { class: "hint", data: { testid: "recruitment-places" } });
-      this.recruitment.replaceChildren(h("h3", {}, "Open link"), this.places,
-        h("div", { class: "link-row spaced" }, h("span", {}, "For the recruiter"), h("input", { type: "text", readonly: true, value: link, "aria-label": "Open link", data: { testid: "open-link" } }), h("span", { class: "buttons" }, copyButton(() => link, "Copy", "copy-open-link"))));
+      this.recruitment.replaceChildren(
+        h("h3", {}, "Open link"),
+        this.places,
+        h(
+          "div",
+          { class: "link-row spaced" },
+          h("span", {}, "For the recruiter"),
+          h("input", {
+            type: "text",
+            readonly: true,
+            value: link,
+            "aria-label": "Open link",
+            data: { testid: "open-link" },
+          }),
+          h(
+            "span",
+            { class: "buttons" },
+            copyButton(() => link, "Copy", "copy-open-link"),
+          ),
+        ),
+      );
     }
-    setText(this.places, `${held} of ${quota} places are taken${held >= quota ? ": whoever comes now is told that the study is full" : ""}. Whoever is rejected, withdrawn, aborted or screened out gives a place back.`);
+    setText(
+      this.places,
+      `${held} of ${quota} places are taken${held >= quota ? ": whoever comes now is told that the study is full" : ""}. Whoever is rejected, withdrawn, aborted or screened out gives a place back.`,
+    );
   }
 
   _line(line) {
     const state = line.rejected ? "rejected" : line.state.replaceAll("_", " ");
     const name = [line.participant, line.label && `· ${line.label}`].filter(Boolean).join(" ");
-    const ids = Object.entries(line.ids).filter(([, value]) => value !== line.label).map(([key, value]) => h("span", {}, `${key} ${value}`));
+    const ids = Object.entries(line.ids)
+      .filter(([, value]) => value !== line.label)
+      .map(([key, value]) => h("span", {}, `${key} ${value}`));
     const kind = { study: "the study", pilot: "a pilot", demo: "a demo", erased: "–" }[line.kind];
-    const sign = { done: "check", rejected: "warning", withdrawn: "hand", aborted: "warning", screened_out: "hand", erased: "hourglass" }[line.rejected ? "rejected" : line.state];
-    return h("tr", { data: { participant: line.participant, testid: "roster-row", kind: line.kind } }, h("th", { scope: "row" }, name, ids.length > 0 && h("small", { class: "ids" }, ids)), h("td", {}, kind === "the study" || kind === "–" ? kind : h("span", { class: "badge" }, kind)),
-      h("td", { data: { column: "state" } }, h("span", { class: "mark-line" }, sign && icon(sign), state)), h("td", {}, line.order.join(" → ") || "–"), h("td", {}, day(line.erased_utc ?? line.created_utc)),
-      h("td", {}, line.kind === "erased" ? "" : h("div", { class: "buttons" }, ACTIONS.map((action) => this._button(line, action)))));
+    const sign = {
+      done: "check",
+      rejected: "warning",
+      withdrawn: "hand",
+      aborted: "warning",
+      screened_out: "hand",
+      erased: "hourglass",
+    }[line.rejected ? "rejected" : line.state];
+    return h(
+      "tr",
+      { data: { participant: line.participant, testid: "roster-row", kind: line.kind } },
+      h("th", { scope: "row" }, name, ids.length > 0 && h("small", { class: "ids" }, ids)),
+      h("td", {}, kind === "the study" || kind === "–" ? kind : h("span", { class: "badge" }, kind)),
+      h("td", { data: { column: "state" } }, h("span", { class: "mark-line" }, sign && icon(sign), state)),
+      h("td", {}, line.order.join(" → ") || "–"),
+      h("td", {}, day(line.erased_utc ?? line.created_utc)),
+      h(
+        "td",
+        {},
+        line.kind === "erased"
+          ? ""
+          : h(
+              "div",
+              { class: "buttons" },
+              ACTIONS.map((action) => this._button(line, action)),
+            ),
+      ),
+    );
   }
 
   _button(line, [act, label, work]) {
     const why = line.why_not[act];
-    const button = h("button", { type: "button", class: "secondary small", "aria-label": `${label}: ${line.participant}`, "aria-disabled": String(why !== ""), title: why, "aria-description": why, data: { testid: `roster-${act}` } }, label);
+    const button = h(
+      "button",
+      {
+        type: "button",
+        class: "secondary small",
+        "aria-label": `${label}: ${line.participant}`,
+        "aria-disabled": String(why !== ""),
+        title: why,
+        "aria-description": why,
+        data: { testid: `roster-${act}` },
+      },
+      label,
+    );
     button.addEventListener("click", async () => {
       if (why) return this.toasts.show(`${line.participant}: ${why}`);
       try {

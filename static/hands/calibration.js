@@ -3,16 +3,41 @@
 import { h, icon, setText } from "../common/dom.js";
 import { ACTIONS, Calibration, DEAD_ZONE, LABELS, snapshot } from "./mapping.js";
 
-const WAYS = { forward: "Push forward, away from the robot", left: "Push left", up: "The control for up", back: "Pull back, towards the robot", right: "Push right", down: "The control for down", close: "The button that closes the gripper", open: "The button that opens the gripper" };
+const WAYS = {
+  forward: "Push forward, away from the robot",
+  left: "Push left",
+  up: "The control for up",
+  back: "Pull back, towards the robot",
+  right: "Push right",
+  down: "The control for down",
+  close: "The button that closes the gripper",
+  open: "The button that opens the gripper",
+};
 
 /** `onDone({padId, mapping, deadZone})`; `known(padId)` offers what was learned before. */
 export function calibrate({ pads, known, onDone }) {
   const title = h("h3", { "aria-live": "assertive", data: { testid: "calibration-prompt" } });
   const hint = h("p", { class: "hint" });
   const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}));
-  const list = h("ol", { class: "calibration-list" }, ACTIONS.map((action) => h("li", { data: { action } }, h("span", { class: "mark", "aria-hidden": "true" }), h("span", {}, LABELS[action]))));
-  const restart = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-restart" } }, icon("reset"), "Start over");
-  const element = h("div", { class: "calibration", data: { testid: "calibration", step: "wake" } }, h("div", { class: "calibration-ask" }, icon("gamepad"), h("div", {}, title, hint, warn, restart)), list);
+  const list = h(
+    "ol",
+    { class: "calibration-list" },
+    ACTIONS.map((action) =>
+      h("li", { data: { action } }, h("span", { class: "mark", "aria-hidden": "true" }), h("span", {}, LABELS[action])),
+    ),
+  );
+  const restart = h(
+    "button",
+    { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-restart" } },
+    icon("reset"),
+    "Start over",
+  );
+  const element = h(
+    "div",
+    { class: "calibration", data: { testid: "calibration", step: "wake" } },
+    h("div", { class: "calibration-ask" }, icon("gamepad"), h("div", {}, title, hint, warn, restart)),
+    list,
+  );
   let pad = null; // {id}
   let phase = "wake"; // wake → rest → learn → done
   let learning = null;
@@ -28,7 +53,12 @@ export function calibrate({ pads, known, onDone }) {
     restart.hidden = phase !== "learn";
     if (phase === "wake") {
       setText(title, "Press any button on your gamepad");
-      setText(hint, pads.seen.length ? "Connected. The page starts with the pad you touch." : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.");
+      setText(
+        hint,
+        pads.seen.length
+          ? "Connected. The page starts with the pad you touch."
+          : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.",
+      );
     } else if (phase === "rest") {
       setText(title, "Let go of everything");
       setText(hint, pad.id);

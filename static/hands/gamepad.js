@@ -1,7 +1,7 @@
 // The gamepad: polled at display rate (a browser has no events for sticks), known by its id, with a learned mapping.
 
-import { active, DEAD_ZONE, directionOf, snapshot, validMapping } from "./mapping.js";
 import { lasting } from "../common/store.js";
+import { active, DEAD_ZONE, directionOf, snapshot, validMapping } from "./mapping.js";
 
 function connected() {
   const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];

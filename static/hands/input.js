@@ -2,8 +2,8 @@
 // repeats the present state. A press and its release are two messages, so a short tap between two ticks still counts.
 // Nothing is queued: what cannot be sent now is never sent late.
 
-import { chosenDevice } from "./keyboard.js";
 import { remembered } from "./gamepad.js";
+import { chosenDevice } from "./keyboard.js";
 
 function sameDirection(a, b) {
   return a === b || (a !== null && b !== null && a.every((value, axis) => value === b[axis]));

@@ -3,9 +3,20 @@
 import { lasting } from "../common/store.js";
 
 const AXES = {
-  KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1],
-  KeyA: [1, 1], ArrowLeft: [1, 1], KeyD: [1, -1], ArrowRight: [1, -1],
-  KeyR: [2, 1], KeyE: [2, 1], PageUp: [2, 1], KeyF: [2, -1], KeyQ: [2, -1], PageDown: [2, -1],
+  KeyW: [0, 1],
+  ArrowUp: [0, 1],
+  KeyS: [0, -1],
+  ArrowDown: [0, -1],
+  KeyA: [1, 1],
+  ArrowLeft: [1, 1],
+  KeyD: [1, -1],
+  ArrowRight: [1, -1],
+  KeyR: [2, 1],
+  KeyE: [2, 1],
+  PageUp: [2, 1],
+  KeyF: [2, -1],
+  KeyQ: [2, -1],
+  PageDown: [2, -1],
 };
 const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "open", KeyO: "open" };
 

@@ -8,8 +8,14 @@
 
 export const ACTIONS = ["forward", "back", "left", "right", "up", "down", "close", "open"];
 export const LABELS = {
-  forward: "forward", back: "back", left: "left", right: "right", up: "up", down: "down",
-  close: "close the gripper", open: "open the gripper",
+  forward: "forward",
+  back: "back",
+  left: "left",
+  right: "right",
+  up: "up",
+  down: "down",
+  close: "close the gripper",
+  open: "open the gripper",
 };
 const OPPOSITE = { forward: "back", left: "right", up: "down", back: "forward", right: "left", down: "up" };
 const AXIS_OF = { forward: [0, 1], back: [0, -1], left: [1, 1], right: [1, -1], up: [2, 1], down: [2, -1] };
@@ -78,7 +84,9 @@ function same(a, b) {
 export function validMapping(mapping) {
   if (typeof mapping !== "object" || mapping === null) return null;
   const whole = (control) =>
-    control && Number.isInteger(control.index) && control.index >= 0 &&
+    control &&
+    Number.isInteger(control.index) &&
+    control.index >= 0 &&
     (control.kind === "button" ||
       (control.kind === "hat" && Number.isFinite(control.value)) ||
       (control.kind === "axis" && Number.isFinite(control.rest) && Math.abs(control.sign) === 1 && control.span > 0));

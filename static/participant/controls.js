@@ -19,7 +19,13 @@ export function keyboardLegend() {
     "table",
     { class: "legend" },
     h("caption", { class: "visually-hidden" }, "Keys that drive the robot"),
-    h("tbody", {}, LEGEND.map(([what, first, second]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))))),
+    h(
+      "tbody",
+      {},
+      LEGEND.map(([what, first, second]) =>
+        h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))),
+      ),
+    ),
   );
 }
 
@@ -29,7 +35,22 @@ export function padLegend(mapping) {
     "table",
     { class: "legend" },
     h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
-    h("tbody", {}, PAIRS.map(([what, ...actions]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, actions.map((action) => key(controlName(mapping[action]))))))),
+    h(
+      "tbody",
+      {},
+      PAIRS.map(([what, ...actions]) =>
+        h(
+          "tr",
+          {},
+          h("th", { scope: "row" }, what),
+          h(
+            "td",
+            {},
+            actions.map((action) => key(controlName(mapping[action]))),
+          ),
+        ),
+      ),
+    ),
   );
 }
 

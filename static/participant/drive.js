@@ -1,13 +1,13 @@
 // Practice and trials: the scene, what to do now, what the robot is doing, and the hands.
 
+import { h, icon, setText } from "../common/dom.js";
+import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { legendFor } from "./controls.js";
-import { h, icon, setText } from "../common/dom.js";
+import { pausedBody } from "./forms.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { Scene } from "./scene.js";
-import { stepButton } from "../common/shell.js";
-import { pausedBody } from "./forms.js";
 
 const SIGNS = {
   lost: ["lost", "Connection lost", "The robot stands still until the connection is back."],
@@ -76,7 +76,8 @@ export class DriveView {
       this._overlay(page.state.endsWith("_ready") ? this._startCard(part) : null);
       this.status = content.ready === false ? "starting" : null;
     }
-    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused") this.region.focus({ preventScroll: true });
+    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused")
+      this.region.focus({ preventScroll: true });
     this._refresh();
   }
 
@@ -100,28 +101,74 @@ export class DriveView {
     this.signIcon = h("span", { class: "sign-icon" });
     this.signText = h("strong", {});
     this.signHint = h("span", { class: "sign-hint" });
-    this.sign = h("div", { class: "sign", role: "status", data: { testid: "state-sign" } }, this.signIcon, h("span", { class: "sign-words" }, this.signText, this.signHint));
+    this.sign = h(
+      "div",
+      { class: "sign", role: "status", data: { testid: "state-sign" } },
+      this.signIcon,
+      h("span", { class: "sign-words" }, this.signText, this.signHint),
+    );
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
     this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
     this.pictures = h("div", { class: "instruction-picture" });
-    this.instruction = h("section", { class: "side-card instruction", "aria-label": "What to do now" }, h("h2", { class: "visually-hidden" }, "What to do now"), h("div", { "aria-live": "assertive" }, this.words), this.pictures);
+    this.instruction = h(
+      "section",
+      { class: "side-card instruction", "aria-label": "What to do now" },
+      h("h2", { class: "visually-hidden" }, "What to do now"),
+      h("div", { "aria-live": "assertive" }, this.words),
+      this.pictures,
+    );
     this.progressText = h("p", { class: "progress-text", data: { testid: "progress" } });
     this.dots = h("div", { class: "dots", "aria-hidden": "true" });
     this.hintText = h("span", {});
-    this.hint = h("p", { class: "drive-hint", role: "status", data: { testid: "drive-hint" } }, icon("warning"), this.hintText);
+    this.hint = h(
+      "p",
+      { class: "drive-hint", role: "status", data: { testid: "drive-hint" } },
+      icon("warning"),
+      this.hintText,
+    );
     this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
     this.hands = indicator(this.input);
     this.legend = h("div", { class: "legend-box" });
-    this.soundButton = h("button", { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } }, icon("sound"), "Sound is off: turn it on");
+    this.soundButton = h(
+      "button",
+      { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } },
+      icon("sound"),
+      "Sound is off: turn it on",
+    );
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
     this.overlay = h("div", { class: "overlay", hidden: true });
-    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.soundButton, this.notice, this.hint, this.overlay);
-    this.side = h("aside", { class: "side", "aria-label": "What to do and what the robot is doing" }, this.sign, this.assist, this.instruction,
+    this.region = h(
+      "div",
+      {
+        class: "drive-scene",
+        tabindex: "-1",
+        role: "group",
+        "aria-label": "The robot. Keys drive it while the round is running.",
+      },
+      this.scene.element,
+      this.soundButton,
+      this.notice,
+      this.hint,
+      this.overlay,
+    );
+    this.side = h(
+      "aside",
+      { class: "side", "aria-label": "What to do and what the robot is doing" },
+      this.sign,
+      this.assist,
+      this.instruction,
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
-      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend));
+      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend),
+    );
     this.hands.element.lastChild.append(this.gripper);
-    this.body = h("div", { class: "drive-body" }, h("h1", { class: "visually-hidden" }, "Driving the robot"), this.region, this.side);
+    this.body = h(
+      "div",
+      { class: "drive-body" },
+      h("h1", { class: "visually-hidden" }, "Driving the robot"),
+      this.region,
+      this.side,
+    );
     this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
     if (this.socket.welcome?.placement === "same_page_away") {
       this.alert = new AlertView({ socket: this.socket, sound: this.sound, away: true });
@@ -146,8 +193,20 @@ export class DriveView {
     const text = practice
       ? "Pick up the block, move it and put it down again. Take your time; this part does not count."
       : "The robot is in place. When you press Start, the round begins.";
-    this.start = stepButton({ socket: this.socket, step: "start", label: practice ? "Start practice" : `Start round ${trial}`, busy: "Starting", kind: "primary large", testid: "start-button" });
-    const element = h("section", { class: "start-card", data: { testid: `page-${this.page.state}` } }, h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)), this.start);
+    this.start = stepButton({
+      socket: this.socket,
+      step: "start",
+      label: practice ? "Start practice" : `Start round ${trial}`,
+      busy: "Starting",
+      kind: "primary large",
+      testid: "start-button",
+    });
+    const element = h(
+      "section",
+      { class: "start-card", data: { testid: `page-${this.page.state}` } },
+      h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)),
+      this.start,
+    );
     return element;
   }
 
@@ -188,9 +247,14 @@ export class DriveView {
     const { trial, trials } = this.page;
     const practice = this.key.startsWith("practice");
     const unknown = this.key.startsWith("paused:");
-    const where = unknown ? `Round ${trial} of ${trials}` : practice ? `Practice before round ${trial} of ${trials}` : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
+    const where = unknown
+      ? `Round ${trial} of ${trials}`
+      : practice
+        ? `Practice before round ${trial} of ${trials}`
+        : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
     setText(this.progressText, where);
-    if (this.dots.children.length !== tasks) this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
+    if (this.dots.children.length !== tasks)
+      this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
     [...this.dots.children].forEach((dot, index) => {
       dot.className = index < done ? "dot past" : index === done ? "dot present" : "dot";
     });
@@ -206,7 +270,11 @@ export class DriveView {
 
   _device({ there }) {
     this._drawLegend();
-    this._say(there ? "The gamepad is back. You can use it again." : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.");
+    this._say(
+      there
+        ? "The gamepad is back. You can use it again."
+        : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.",
+    );
   }
 
   _drawLegend() {
@@ -244,7 +312,8 @@ export class DriveView {
       const wait = state !== "ready";
       this.start.disabled = wait;
       this.start.title = wait ? "The robot is not in place yet." : "";
-      if (!wait && !this.overlay.hidden && document.activeElement === document.body) this.start.focus({ preventScroll: true });
+      if (!wait && !this.overlay.hidden && document.activeElement === document.body)
+        this.start.focus({ preventScroll: true });
     }
     const blocked = state === "running" && this.tick?.blocked;
     setText(this.hintText, blocked ? "Cannot move further that way" : "");
@@ -254,7 +323,9 @@ export class DriveView {
     this.assist.hidden = assisting === null;
     if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");
     this.soundButton.hidden = this.sound.ready || this.alert === null;
-    this.alert?.pause(state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting");
+    this.alert?.pause(
+      state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",
+    );
     this.alert?.conceal(this.page.state === "paused");
     this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
     this.input.drive(this._driving());

@@ -27,7 +27,11 @@ function drawsIn3D() {
 
 /** A finger is all there is: no mouse, no pen, no trackpad. */
 function touchOnly() {
-  return navigator.maxTouchPoints > 0 && !matchMedia("(any-pointer: fine)").matches && !matchMedia("(any-hover: hover)").matches;
+  return (
+    navigator.maxTouchPoints > 0 &&
+    !matchMedia("(any-pointer: fine)").matches &&
+    !matchMedia("(any-hover: hover)").matches
+  );
 }
 
 /** One line of the list: what is checked, how it stands, and what the person can do about it. */
@@ -36,7 +40,12 @@ function row(check) {
   const state = h("span", { class: "check-state" });
   const problem = h("p", { class: "check-problem", hidden: true });
   const body = h("div", { class: "check-body" });
-  const element = h("li", { class: "check", data: { testid: `check-${check}`, state: "open" } }, sign, h("div", {}, h("p", {}, h("strong", {}, LABELS[check]), " ", state), problem, body));
+  const element = h(
+    "li",
+    { class: "check", data: { testid: `check-${check}`, state: "open" } },
+    sign,
+    h("div", {}, h("p", {}, h("strong", {}, LABELS[check]), " ", state), problem, body),
+  );
   const mark = (name, text = "") => {
     element.dataset.state = name;
     sign.replaceChildren(icon({ open: "clock", good: "check", bad: "warning" }[name]));
@@ -85,7 +94,14 @@ export function eligibilityView({ socket, pads, sound }, page) {
   let padId = null;
   if (asks("gamepad")) {
     const line = rows.get("gamepad");
-    const words = () => line.say(padId ? `is connected: ${padId}` : gamepad === "required" ? "– connect one and press any of its buttons" : "– recommended: connect one and press any of its buttons, or go on with the keyboard");
+    const words = () =>
+      line.say(
+        padId
+          ? `is connected: ${padId}`
+          : gamepad === "required"
+            ? "– connect one and press any of its buttons"
+            : "– recommended: connect one and press any of its buttons, or go on with the keyboard",
+      );
     words();
     listen(pads, "poll", () => {
       const touched = pads.touched();
@@ -103,7 +119,12 @@ export function eligibilityView({ socket, pads, sound }, page) {
   if (asks("sound")) {
     const line = rows.get("sound");
     line.say("– play some tones and say how many there were");
-    const play = h("button", { type: "button", class: "secondary small", data: { testid: "tones-play" } }, icon("sound"), "Play the tones");
+    const play = h(
+      "button",
+      { type: "button", class: "secondary small", data: { testid: "tones-play" } },
+      icon("sound"),
+      "Play the tones",
+    );
     const name = freshId("tones");
     const choices = CHOICES.map((count) => {
       const radio = h("input", { type: "radio", name, value: String(count) });
@@ -114,9 +135,22 @@ export function eligibilityView({ socket, pads, sound }, page) {
       return h("label", { class: "option" }, radio, String(count));
     });
     play.addEventListener("click", async () => {
-      if (!(await sound.tones(tones[attempt % tones.length]))) line.mark("open", "This browser did not let the sound through. Press the button once more.");
+      if (!(await sound.tones(tones[attempt % tones.length])))
+        line.mark("open", "This browser did not let the sound through. Press the button once more.");
     });
-    line.body.append(h("div", { class: "tones" }, play, h("fieldset", { class: "options" }, h("legend", { class: "visually-hidden" }, "How many tones did you hear?"), choices)));
+    line.body.append(
+      h(
+        "div",
+        { class: "tones" },
+        play,
+        h(
+          "fieldset",
+          { class: "options" },
+          h("legend", { class: "visually-hidden" }, "How many tones did you hear?"),
+          choices,
+        ),
+      ),
+    );
     line.another = () => {
       attempt += 1;
       heard = null;
@@ -130,24 +164,44 @@ export function eligibilityView({ socket, pads, sound }, page) {
     if (asks("touch")) device.has_touch_only = touchOnly();
     if (asks("window")) Object.assign(device, { width_px: innerWidth, height_px: innerHeight });
     if (asks("webgl")) device.has_webgl = drawsIn3D();
-    if (asks("gamepad")) Object.assign(device, { is_secure: window.isSecureContext, pad_id: padId?.slice(0, 200) ?? null });
+    if (asks("gamepad"))
+      Object.assign(device, { is_secure: window.isSecureContext, pad_id: padId?.slice(0, 200) ?? null });
     if (asks("sound")) Object.assign(device, { tones: heard, tone_try: attempt });
     return device;
   }
 
-  const summary = h("p", { class: "error-summary", role: "alert", hidden: true, data: { testid: "check-summary" } }, icon("warning"), h("span", {}, "Something is missing. What may help stands beside it; then check again."));
-  const go = h("button", { type: "button", class: "primary large", data: { testid: "check-submit" } }, "Check and continue");
-  const leave = h("button", { type: "button", class: "secondary large", hidden: true, data: { testid: "check-leave" } }, "I cannot change this");
+  const summary = h(
+    "p",
+    { class: "error-summary", role: "alert", hidden: true, data: { testid: "check-summary" } },
+    icon("warning"),
+    h("span", {}, "Something is missing. What may help stands beside it; then check again."),
+  );
+  const go = h(
+    "button",
+    { type: "button", class: "primary large", data: { testid: "check-submit" } },
+    "Check and continue",
+  );
+  const leave = h(
+    "button",
+    { type: "button", class: "secondary large", hidden: true, data: { testid: "check-leave" } },
+    "I cannot change this",
+  );
   go.addEventListener("click", () =>
     whileBusy(go, "Checking", async () => {
       if (!measured) await new Promise((resolve) => (whenMeasured = resolve));
       summary.hidden = true;
       await socket.submit("eligibility", report()).catch(() => {});
-    }));
+    }),
+  );
   leave.addEventListener("click", async () => {
     const answer = await ask({
-      title: "Leave the study?", text: ["If nothing can be done about what is missing, the study ends here for you. You cannot take it up again with this link."],
-      confirm: "Leave the study", danger: true, testid: "leave-dialog",
+      title: "Leave the study?",
+      text: [
+        "If nothing can be done about what is missing, the study ends here for you. You cannot take it up again with this link.",
+      ],
+      confirm: "Leave the study",
+      danger: true,
+      testid: "leave-dialog",
     });
     if (answer !== null) whileBusy(leave, "Leaving", () => socket.submit("leave").catch(() => {}));
   });
@@ -167,9 +221,18 @@ export function eligibilityView({ socket, pads, sound }, page) {
   });
 
   const element = card({
-    title: "Does your device fit?", testid: "page-eligibility",
+    title: "Does your device fit?",
+    testid: "page-eligibility",
     lines: ["Before you begin, this page looks at what the study needs. What it finds is kept, and nothing about you."],
-    body: [summary, h("ul", { class: "checks" }, [...rows.values()].map((line) => line.element)), h("div", { class: "actions" }, go, leave)],
+    body: [
+      summary,
+      h(
+        "ul",
+        { class: "checks" },
+        [...rows.values()].map((line) => line.element),
+      ),
+      h("div", { class: "actions" }, go, leave),
+    ],
   });
   // With nothing for the person to do, it checks by itself.
   if (!asks("gamepad") && !asks("sound")) queueMicrotask(() => go.click());

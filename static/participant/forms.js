@@ -1,17 +1,22 @@
 // The pages made of text and questions: consent, demographics, instructions, break, debrief, end.
 
 import { freshId, h, icon, whileBusy } from "../common/dom.js";
-import { checkAll, question, showRefusals, valuesOf } from "./questions.js";
 import { safeLink } from "../common/links.js";
 import { ask, card, stepButton } from "../common/shell.js";
 import { tab } from "../common/store.js";
+import { checkAll, question, showRefusals, valuesOf } from "./questions.js";
 
 const paragraphs = (lines) => (lines ?? []).map((line) => h("p", {}, line));
 
 /** A form whose answers survive a reload. `done` submits; refusals for single questions are shown beside them. */
 function questionForm({ socket, questions, submitText, step, key, testid }) {
   const button = h("button", { type: "submit", class: "primary large", data: { testid } }, submitText);
-  const form = h("form", { novalidate: true, class: "questions" }, questions.map((one) => one.element), h("div", { class: "actions" }, button));
+  const form = h(
+    "form",
+    { novalidate: true, class: "questions" },
+    questions.map((one) => one.element),
+    h("div", { class: "actions" }, button),
+  );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     for (const one of questions) one.clear();
@@ -41,18 +46,40 @@ export function consentView({ socket }, page) {
   const { title, text, contact, hash } = page.content;
   const boxId = freshId("agree");
   const box = h("input", { type: "checkbox", id: boxId, data: { testid: "consent-box" } });
-  const error = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}, "Tick the box above if you agree, or choose not to take part."));
+  const error = h(
+    "p",
+    { class: "field-error", role: "alert", hidden: true },
+    icon("warning"),
+    h("span", {}, "Tick the box above if you agree, or choose not to take part."),
+  );
   box.addEventListener("change", () => (error.hidden = true));
-  const agree = h("button", { type: "submit", class: "primary large", data: { testid: "consent-agree" } }, "Agree and continue");
-  const decline = h("button", { type: "button", class: "secondary large", data: { testid: "consent-decline" } }, "I do not want to take part");
+  const agree = h(
+    "button",
+    { type: "submit", class: "primary large", data: { testid: "consent-agree" } },
+    "Agree and continue",
+  );
+  const decline = h(
+    "button",
+    { type: "button", class: "secondary large", data: { testid: "consent-decline" } },
+    "I do not want to take part",
+  );
   decline.addEventListener("click", async () => {
     const answer = await ask({
-      title: "Not take part?", text: ["Nothing has been recorded about you. You cannot come back with this link."],
-      confirm: "Do not take part", danger: true, testid: "decline-dialog",
+      title: "Not take part?",
+      text: ["Nothing has been recorded about you. You cannot come back with this link."],
+      confirm: "Do not take part",
+      danger: true,
+      testid: "decline-dialog",
     });
     if (answer !== null) whileBusy(decline, "Saving", () => socket.submit("decline").catch(() => {}));
   });
-  const form = h("form", { novalidate: true }, h("label", { class: "agree", for: boxId }, box, h("span", {}, "I have read this and I agree to take part.")), error, h("div", { class: "actions" }, agree, decline));
+  const form = h(
+    "form",
+    { novalidate: true },
+    h("label", { class: "agree", for: boxId }, box, h("span", {}, "I have read this and I agree to take part.")),
+    error,
+    h("div", { class: "actions" }, agree, decline),
+  );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     if (!box.checked) {
@@ -63,17 +90,37 @@ export function consentView({ socket }, page) {
     whileBusy(agree, "Saving", () => socket.submit("consent", { accepted: true, hash }).catch(() => {}));
   });
   const element = card({
-    title: title || "Taking part", testid: "page-consent",
-    body: [h("div", { class: "prose" }, paragraphs(text)), contact ? h("p", { class: "contact" }, contact) : null, form],
+    title: title || "Taking part",
+    testid: "page-consent",
+    body: [
+      h("div", { class: "prose" }, paragraphs(text)),
+      contact ? h("p", { class: "contact" }, contact) : null,
+      form,
+    ],
   });
   return { element };
 }
 
 export function demographicsView({ socket, session }, page) {
   const key = `${session}:demographics`;
-  const questions = keptQuestions(page.content.items, key, (item) => ({ kind: item.kind ?? "choice", required: item.required !== false }));
-  const { form, close } = questionForm({ socket, questions, submitText: "Continue", step: "demographics", key, testid: "demographics-submit" });
-  const element = card({ title: "About you", lines: ["A few short questions before we begin."], body: form, testid: "page-demographics" });
+  const questions = keptQuestions(page.content.items, key, (item) => ({
+    kind: item.kind ?? "choice",
+    required: item.required !== false,
+  }));
+  const { form, close } = questionForm({
+    socket,
+    questions,
+    submitText: "Continue",
+    step: "demographics",
+    key,
+    testid: "demographics-submit",
+  });
+  const element = card({
+    title: "About you",
+    lines: ["A few short questions before we begin."],
+    body: form,
+    testid: "page-demographics",
+  });
   return { element, close };
 }
 
@@ -81,14 +128,33 @@ export function instructionsView({ socket, session }, page) {
   const key = `${session}:instructions`;
   const { text, questions: items } = page.content;
   const questions = keptQuestions(items ?? [], key, () => ({ kind: "choice", required: true }));
-  const { form, close } = questionForm({ socket, questions, submitText: "Check my answers and continue", step: "instructions", key, testid: "instructions-submit" });
+  const { form, close } = questionForm({
+    socket,
+    questions,
+    submitText: "Check my answers and continue",
+    step: "instructions",
+    key,
+    testid: "instructions-submit",
+  });
   const element = card({
-    title: "What you will do", testid: "page-instructions", wide: true,
+    title: "What you will do",
+    testid: "page-instructions",
+    wide: true,
     body: h(
       "div",
       { class: "two-columns" },
-      h("ol", { class: "prose steps" }, (text ?? []).map((line) => h("li", {}, line))),
-      h("div", { class: "panel" }, h("h2", {}, "Did we explain it well?"), h("p", {}, "Three short questions. You can try as often as you need."), form),
+      h(
+        "ol",
+        { class: "prose steps" },
+        (text ?? []).map((line) => h("li", {}, line)),
+      ),
+      h(
+        "div",
+        { class: "panel" },
+        h("h2", {}, "Did we explain it well?"),
+        h("p", {}, "Three short questions. You can try as often as you need."),
+        form,
+      ),
     ),
   });
   return { element, close };
@@ -97,8 +163,19 @@ export function instructionsView({ socket, session }, page) {
 export function breakView({ socket }, page) {
   const { text, next_trial } = page.content;
   const element = card({
-    title: "Time for a break", lines: text, sign: "hourglass", testid: "page-break",
-    actions: [stepButton({ socket, step: "continue", label: `Continue with round ${next_trial} of ${page.trials}`, kind: "primary large", testid: "continue-button" })],
+    title: "Time for a break",
+    lines: text,
+    sign: "hourglass",
+    testid: "page-break",
+    actions: [
+      stepButton({
+        socket,
+        step: "continue",
+        label: `Continue with round ${next_trial} of ${page.trials}`,
+        kind: "primary large",
+        testid: "continue-button",
+      }),
+    ],
   });
   return { element };
 }
@@ -106,8 +183,19 @@ export function breakView({ socket }, page) {
 export function debriefView({ socket, session }, page) {
   const key = `${session}:debrief`;
   const questions = keptQuestions(page.content.questions ?? [], key, () => ({ kind: "long", required: false }));
-  const { form, close } = questionForm({ socket, questions, submitText: "Finish", step: "debrief", key, testid: "debrief-submit" });
-  const element = card({ title: "What this was about", testid: "page-debrief", body: [h("div", { class: "prose" }, paragraphs(page.content.text)), form] });
+  const { form, close } = questionForm({
+    socket,
+    questions,
+    submitText: "Finish",
+    step: "debrief",
+    key,
+    testid: "debrief-submit",
+  });
+  const element = card({
+    title: "What this was about",
+    testid: "page-debrief",
+    body: [h("div", { class: "prose" }, paragraphs(page.content.text)), form],
+  });
   return { element, close };
 }
 
@@ -130,12 +218,20 @@ export function endView({ socket, session }, page) {
 
   function forward() {
     const key = `${session}:forwarded`; // once: who comes back to this page wants to read it
-    const onward = h("a", { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } }, page.state === "done" ? "Continue to the completion page" : "Continue");
+    const onward = h(
+      "a",
+      { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } },
+      page.state === "done" ? "Continue to the completion page" : "Continue",
+    );
     last.replaceChildren(h("div", { class: "actions" }, onward));
     if (page.state !== "done" || tab.get(key)) return;
     let left = FORWARD_S;
     const words = h("p", { class: "hint", data: { testid: "forward-words" } });
-    const stay = h("button", { type: "button", class: "secondary large", data: { testid: "forward-stay" } }, "Stay on this page");
+    const stay = h(
+      "button",
+      { type: "button", class: "secondary large", data: { testid: "forward-stay" } },
+      "Stay on this page",
+    );
     const say = () => (words.textContent = `You are taken there in ${left} seconds.`);
     stay.addEventListener("click", () => {
       clearInterval(timer);
@@ -160,7 +256,15 @@ export function endView({ socket, session }, page) {
     const now = socket.outbox.waiting().length === 0;
     if (now === saved) return;
     saved = now;
-    if (!saved) last.replaceChildren(h("p", { class: "waiting", role: "status", data: { testid: "still-saving" } }, h("span", { class: "spinner", "aria-hidden": "true" }), "Your last answers are on their way. Please keep this page open until this line is gone."));
+    if (!saved)
+      last.replaceChildren(
+        h(
+          "p",
+          { class: "waiting", role: "status", data: { testid: "still-saving" } },
+          h("span", { class: "spinner", "aria-hidden": "true" }),
+          "Your last answers are on their way. Please keep this page open until this line is gone.",
+        ),
+      );
     else if (link) forward();
     else last.replaceChildren();
   }
@@ -188,9 +292,28 @@ export function pausedBody({ socket }, page) {
   const known = causes.map((cause) => CAUSES[cause]).filter(Boolean);
   const lines = text ? (Array.isArray(text) ? text : [text]) : known;
   return card({
-    title: "Paused", sign: "pause", lines: lines.length ? lines : ["The session is paused."], testid: "page-paused",
+    title: "Paused",
+    sign: "pause",
+    lines: lines.length ? lines : ["The session is paused."],
+    testid: "page-paused",
     actions: can_resume
-      ? [stepButton({ socket, step: "resume", label: "Go on", busy: "Going on", kind: "primary large", testid: "resume-button" })]
-      : [h("p", { class: "waiting" }, h("span", { class: "spinner", "aria-hidden": "true" }), "Waiting for the experimenter")],
+      ? [
+          stepButton({
+            socket,
+            step: "resume",
+            label: "Go on",
+            busy: "Going on",
+            kind: "primary large",
+            testid: "resume-button",
+          }),
+        ]
+      : [
+          h(
+            "p",
+            { class: "waiting" },
+            h("span", { class: "spinner", "aria-hidden": "true" }),
+            "Waiting for the experimenter",
+          ),
+        ],
   });
 }

@@ -30,7 +30,14 @@ export function indicator(input) {
   const element = h(
     "div",
     { class: "hands" },
-    s("svg", { class: "hands-picture", viewBox: "0 0 124 80", "aria-hidden": "true", focusable: "false" }, s("rect", { x: 27, y: 27, width: 26, height: 26, rx: 6, class: "hands-hub" }), drawn, text(104, 38, "up"), text(104, 49, "down")),
+    s(
+      "svg",
+      { class: "hands-picture", viewBox: "0 0 124 80", "aria-hidden": "true", focusable: "false" },
+      s("rect", { x: 27, y: 27, width: 26, height: 26, rx: 6, class: "hands-hub" }),
+      drawn,
+      text(104, 38, "up"),
+      text(104, 49, "down"),
+    ),
     h("div", { class: "hands-text" }, device, words),
   );
   const show = ({ direction, device: name }) => {

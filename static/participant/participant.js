@@ -1,18 +1,26 @@
 // The participant's page: one socket, one pair of hands, and a view for each state of the study.
 
-import { legendFor } from "./controls.js";
-import { DriveView } from "./drive.js";
 import { h } from "../common/dom.js";
-import { breakView, consentView, debriefView, demographicsView, endView, instructionsView, pausedBody } from "./forms.js";
-import { eligibilityView } from "./eligibility.js";
+import { sessionOfPage, socketUrl } from "../common/root.js";
+import { ask, card, Shell } from "../common/shell.js";
 import { Pads } from "../hands/gamepad.js";
 import { Input } from "../hands/input.js";
 import { Keyboard } from "../hands/keyboard.js";
-import { setupView } from "./setup.js";
-import { ask, card, Shell } from "../common/shell.js";
-import { sessionOfPage, socketUrl } from "../common/root.js";
-import { LabSocket } from "../wire/socket.js";
 import { Sound } from "../readings/sound.js";
+import { LabSocket } from "../wire/socket.js";
+import { legendFor } from "./controls.js";
+import { DriveView } from "./drive.js";
+import { eligibilityView } from "./eligibility.js";
+import {
+  breakView,
+  consentView,
+  debriefView,
+  demographicsView,
+  endView,
+  instructionsView,
+  pausedBody,
+} from "./forms.js";
+import { setupView } from "./setup.js";
 import { surveyView } from "./survey.js";
 
 const VIEWS = {
@@ -59,7 +67,10 @@ function replace(next, identity) {
 
 function showPage(page) {
   shell.rest(OVER.has(page.state));
-  shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility" });
+  shell.offer({
+    help: !OVER.has(page.state),
+    stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility",
+  });
   if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
     if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");
     view.show(page);
@@ -69,7 +80,16 @@ function showPage(page) {
   if (identity === shown) return; // the same page again after a reconnect: what was typed stays
   if (page.state === "paused") replace({ element: pausedBody(context, page) }, identity);
   else if (VIEWS[page.state]) replace(VIEWS[page.state](context, page), identity);
-  else replace({ element: card({ title: "One moment", lines: [`The study is in a part this page does not know (${page.state}). Please reload the page.`] }) }, identity);
+  else
+    replace(
+      {
+        element: card({
+          title: "One moment",
+          lines: [`The study is in a part this page does not know (${page.state}). Please reload the page.`],
+        }),
+      },
+      identity,
+    );
 }
 
 function closeDialogs() {
@@ -90,7 +110,9 @@ async function help() {
   const text = await withDialog({
     title: "Help",
     text: driving
-      ? ["Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next."]
+      ? [
+          "Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next.",
+        ]
       : ["Read the page at your own pace. Everything you answer is saved when you press the button at its end."],
     extra: driving ? h("div", { class: "legend-box" }, legendFor(input)) : null,
     field: { label: "Do you need the experimenter? Say what is wrong (optional).", required: false },
@@ -108,7 +130,9 @@ async function help() {
 async function stop() {
   const reason = await withDialog({
     title: "Stop taking part?",
-    text: ["You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again."],
+    text: [
+      "You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again.",
+    ],
     field: { label: "If you like, tell us why (optional).", required: false },
     confirm: "Stop taking part",
     back: "Go on",
@@ -119,7 +143,11 @@ async function stop() {
 }
 
 function final(state) {
-  const again = h("button", { type: "button", class: "primary large", data: { testid: "take-over" } }, "Use this tab instead");
+  const again = h(
+    "button",
+    { type: "button", class: "primary large", data: { testid: "take-over" } },
+    "Use this tab instead",
+  );
   again.addEventListener("click", () => {
     shown = null;
     socket.takeOver();
@@ -127,9 +155,24 @@ function final(state) {
   const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
   reload.addEventListener("click", () => location.reload());
   const pages = {
-    superseded: { title: "The study is open in another tab", lines: ["This tab has stopped. Go on in the other one and close this one, or bring the study back here."], actions: [again], testid: "page-superseded" },
-    denied: { title: "This link does not work any more", lines: ["Open the link you were given once more. If it still does not work, ask the person who gave it to you."], actions: [], testid: "page-denied" },
-    outdated: { title: "This page is out of date", lines: ["The lab has been updated. Reload the page to go on; nothing is lost."], actions: [reload], testid: "page-outdated" },
+    superseded: {
+      title: "The study is open in another tab",
+      lines: ["This tab has stopped. Go on in the other one and close this one, or bring the study back here."],
+      actions: [again],
+      testid: "page-superseded",
+    },
+    denied: {
+      title: "This link does not work any more",
+      lines: ["Open the link you were given once more. If it still does not work, ask the person who gave it to you."],
+      actions: [],
+      testid: "page-denied",
+    },
+    outdated: {
+      title: "This page is out of date",
+      lines: ["The lab has been updated. Reload the page to go on; nothing is lost."],
+      actions: [reload],
+      testid: "page-outdated",
+    },
   };
   if (!pages[state]) return;
   closeDialogs();
@@ -144,13 +187,25 @@ function sentence(field, message) {
 
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
-socket.addEventListener("notice", (event) => shell.toasts.show(`From the experimenter: ${event.detail.text}`, { stays: true, onDismiss: () => socket.note("message_dismissed") }));
+socket.addEventListener("notice", (event) =>
+  shell.toasts.show(`From the experimenter: ${event.detail.text}`, {
+    stays: true,
+    onDismiss: () => socket.note("message_dismissed"),
+  }),
+);
 socket.addEventListener("refused", (event) => {
   const { stale, message, code, id, field } = event.detail;
   // What a person cannot act on: a step of an earlier visit, an input that came a moment too late.
   if (stale || (!id && (code === "out_of_order" || code === "illegal"))) return console.warn("refused:", message);
   // Deferred, so that a form can say it beside its question instead.
-  queueMicrotask(() => event.defaultPrevented || shell.toasts.show(code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message), { problem: true }));
+  queueMicrotask(
+    () =>
+      event.defaultPrevented ||
+      shell.toasts.show(
+        code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message),
+        { problem: true },
+      ),
+  );
 });
 input.addEventListener("device", (event) => {
   if (view instanceof DriveView) return;
@@ -158,8 +213,26 @@ input.addEventListener("device", (event) => {
 });
 
 document.body.append(shell.element);
-replace({ element: card({ title: "One moment", lines: ["Connecting to the lab."], sign: "hourglass", testid: "page-connecting" }) }, "connecting");
+replace(
+  {
+    element: card({
+      title: "One moment",
+      lines: ["Connecting to the lab."],
+      sign: "hourglass",
+      testid: "page-connecting",
+    }),
+  },
+  "connecting",
+);
 socket.connect();
 
 /** For tests, and for whoever opens the console. */
-window.salab = { socket, input, pads, sound, get page() { return shown; } };
+window.salab = {
+  socket,
+  input,
+  pads,
+  sound,
+  get page() {
+    return shown;
+  },
+};

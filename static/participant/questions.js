@@ -3,12 +3,18 @@
 import { freshId, h, icon, setText } from "../common/dom.js";
 
 /** {id, element, value(), fail(text), clear(), focus(), required} for {id, prompt, kind, options, required}. */
-export function question({ id, prompt, kind = "choice", options = [], required = true }, { kept = null, onChange = () => {}, optionalNote = true } = {}) {
+export function question(
+  { id, prompt, kind = "choice", options = [], required = true },
+  { kept = null, onChange = () => {}, optionalNote = true } = {},
+) {
   const errorId = freshId("error");
   const errorText = h("span", {});
   const error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true }, icon("warning"), errorText);
   const note = optionalNote && !required ? h("span", { class: "optional" }, " (optional)") : null;
-  const made = kind === "choice" ? choice({ id, prompt, options, kept, errorId, note }) : typed({ id, prompt, kind, kept, errorId, note });
+  const made =
+    kind === "choice"
+      ? choice({ id, prompt, options, kept, errorId, note })
+      : typed({ id, prompt, kind, kept, errorId, note });
   made.element.append(error);
   made.element.addEventListener("input", () => {
     clear();
@@ -49,7 +55,11 @@ function choice({ id, prompt, options, kept, errorId, note }) {
     "fieldset",
     { class: "question", data: { testid: `question-${id}` } },
     h("legend", {}, prompt, note),
-    h("div", { class: "options" }, controls.map((radio, index) => h("label", { class: "option" }, radio, h("span", {}, options[index].label)))),
+    h(
+      "div",
+      { class: "options" },
+      controls.map((radio, index) => h("label", { class: "option" }, radio, h("span", {}, options[index].label))),
+    ),
   );
   return { element, controls, value: () => controls.find((radio) => radio.checked)?.value ?? null };
 }
@@ -63,7 +73,12 @@ function typed({ id, prompt, kind, kept, errorId, note }) {
         ? h("textarea", { id: fieldId, rows: 4, maxlength: 5000, "aria-describedby": errorId })
         : h("input", { id: fieldId, type: "text", maxlength: 500, autocomplete: "off", "aria-describedby": errorId });
   if (kept !== null) control.value = kept;
-  const element = h("div", { class: "question field", data: { testid: `question-${id}` } }, h("label", { for: fieldId }, prompt, note), control);
+  const element = h(
+    "div",
+    { class: "question field", data: { testid: `question-${id}` } },
+    h("label", { for: fieldId }, prompt, note),
+    control,
+  );
   const value = () => {
     const text = control.value.trim();
     if (text === "") return null;

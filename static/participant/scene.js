@@ -14,10 +14,21 @@ export class Scene {
   constructor({ socket, session }) {
     this.socket = socket;
     this.viewKey = `${session}:view`;
-    this.frame = h("iframe", { class: "scene-frame", title: "The robot, the table and the bins", tabindex: "-1", inert: true, data: { testid: "scene-frame" } });
+    this.frame = h("iframe", {
+      class: "scene-frame",
+      title: "The robot, the table and the bins",
+      tabindex: "-1",
+      inert: true,
+      data: { testid: "scene-frame" },
+    });
     this.signText = h("p", {});
     this.signIcon = h("span", { class: "scene-sign-icon" });
-    this.sign = h("div", { class: "scene-sign", role: "status", data: { testid: "scene-sign" } }, this.signIcon, this.signText);
+    this.sign = h(
+      "div",
+      { class: "scene-sign", role: "status", data: { testid: "scene-sign" } },
+      this.signIcon,
+      this.signText,
+    );
     this.views = h("div", { class: "views", role: "group", "aria-label": "Camera view" });
     this.element = h("div", { class: "scene", data: { testid: "scene" } }, this.frame, this.sign, this.views);
     this.key = null;
@@ -66,7 +77,16 @@ export class Scene {
     const kept = tab.get(this.viewKey);
     const shown = views.some((view) => view.name === kept) ? kept : views[0]?.name;
     const buttons = views.map((view) => {
-      const button = h("button", { type: "button", class: "view", "aria-pressed": view.name === shown ? "true" : "false", data: { testid: `view-${view.name}` } }, view.label);
+      const button = h(
+        "button",
+        {
+          type: "button",
+          class: "view",
+          "aria-pressed": view.name === shown ? "true" : "false",
+          data: { testid: `view-${view.name}` },
+        },
+        view.label,
+      );
       button.addEventListener("click", () => {
         if (!this.socket.send({ type: "view", name: view.name })) return;
         for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));

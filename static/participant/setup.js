@@ -1,18 +1,23 @@
 // Set-up: how to drive (gamepad or keyboard, equal), a live test, sound, and the second device where there is one.
 
-import { calibrate } from "../hands/calibration.js";
-import { keyboardLegend, padLegend } from "./controls.js";
 import { copyButton } from "../common/copy.js";
 import { h, icon, setText, whileBusy } from "../common/dom.js";
-import { remembered, remember } from "../hands/gamepad.js";
-import { indicator } from "./indicator.js";
-import { DEAD_ZONE } from "../hands/mapping.js";
 import { card } from "../common/shell.js";
+import { calibrate } from "../hands/calibration.js";
+import { remember, remembered } from "../hands/gamepad.js";
+import { DEAD_ZONE } from "../hands/mapping.js";
+import { keyboardLegend, padLegend } from "./controls.js";
+import { indicator } from "./indicator.js";
 
 function section(number, title, testid) {
   const state = h("span", { class: "done-mark", role: "status" });
   const body = h("div", {});
-  const element = h("section", { class: "setup-step", data: { testid } }, h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state), body);
+  const element = h(
+    "section",
+    { class: "setup-step", data: { testid } },
+    h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state),
+    body,
+  );
   const done = (text) => {
     state.replaceChildren(...(text ? [icon("check"), text] : []));
     element.classList.toggle("done", Boolean(text));
@@ -23,26 +28,51 @@ function section(number, title, testid) {
 export function setupView({ socket, input, pads, keyboard, sound }, page) {
   const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
   const closers = [];
-  const chosen = { device: input.chosen, padId: pads.padId, mapping: pads.mapping, deadZone: pads.deadZone, sound: null };
+  const chosen = {
+    device: input.chosen,
+    padId: pads.padId,
+    mapping: pads.mapping,
+    deadZone: pads.deadZone,
+    sound: null,
+  };
   const drive = section(1, "How do you want to drive?", "setup-drive");
   const hear = section(2, "Can you hear the alarm?", "setup-sound");
-  const second = panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
+  const second =
+    panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
 
   const driveDetail = h("div", { class: "setup-detail" });
   const cards = [
-    ["gamepad", "Gamepad", `${gamepad === "preferred" ? "Recommended. " : ""}Any pad with a stick or a cross, and a few buttons`],
+    [
+      "gamepad",
+      "Gamepad",
+      `${gamepad === "preferred" ? "Recommended. " : ""}Any pad with a stick or a cross, and a few buttons`,
+    ],
     ["keyboard", "Keyboard", "Letters or arrow keys"],
-  ].filter(([device]) => device === "gamepad" || gamepad !== "required").map(([device, label, hint]) => {
-    const radio = h("input", { type: "radio", name: "device", value: device });
-    radio.checked = chosen.device === device;
-    radio.addEventListener("change", () => choose(device));
-    return h("label", { class: "device-card", data: { testid: `device-${device}` } }, radio, icon(device), h("span", {}, h("strong", {}, label), h("small", {}, hint)));
-  });
+  ]
+    .filter(([device]) => device === "gamepad" || gamepad !== "required")
+    .map(([device, label, hint]) => {
+      const radio = h("input", { type: "radio", name: "device", value: device });
+      radio.checked = chosen.device === device;
+      radio.addEventListener("change", () => choose(device));
+      return h(
+        "label",
+        { class: "device-card", data: { testid: `device-${device}` } },
+        radio,
+        icon(device),
+        h("span", {}, h("strong", {}, label), h("small", {}, hint)),
+      );
+    });
   const driveError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}));
-  drive.body.append(h("fieldset", { class: "device-cards" }, h("legend", { class: "visually-hidden" }, "Controls"), cards), driveDetail, driveError);
+  drive.body.append(
+    h("fieldset", { class: "device-cards" }, h("legend", { class: "visually-hidden" }, "Controls"), cards),
+    driveDetail,
+    driveError,
+  );
 
   function ready() {
-    return chosen.device === "keyboard" || (chosen.device === "gamepad" && chosen.mapping !== null && chosen.padId !== null);
+    return (
+      chosen.device === "keyboard" || (chosen.device === "gamepad" && chosen.mapping !== null && chosen.padId !== null)
+    );
   }
 
   function choose(device) {
@@ -80,7 +110,15 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     stopDetail();
     const { padId, mapping } = chosen;
     input.choose("gamepad", { padId, mapping, deadZone: chosen.deadZone });
-    const zone = h("input", { type: "range", id: "dead-zone", min: DEAD_ZONE.min, max: DEAD_ZONE.max, step: 0.05, value: String(chosen.deadZone), data: { testid: "dead-zone" } });
+    const zone = h("input", {
+      type: "range",
+      id: "dead-zone",
+      min: DEAD_ZONE.min,
+      max: DEAD_ZONE.max,
+      step: 0.05,
+      value: String(chosen.deadZone),
+      data: { testid: "dead-zone" },
+    });
     const shown = h("output", { for: "dead-zone" }, `${Math.round(chosen.deadZone * 100)} %`);
     zone.addEventListener("input", () => {
       chosen.deadZone = Number(zone.value);
@@ -88,19 +126,52 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       pads.deadZone = chosen.deadZone;
       remember(padId, mapping, chosen.deadZone);
     });
-    const again = h("button", { type: "button", class: "secondary small", data: { testid: "calibrate-again" } }, icon("reset"), "Set up the pad again");
+    const again = h(
+      "button",
+      { type: "button", class: "secondary small", data: { testid: "calibrate-again" } },
+      icon("reset"),
+      "Set up the pad again",
+    );
     again.addEventListener("click", () => startCalibration({ anew: true }));
-    const dead = h("div", { class: "field inline" }, h("label", { for: "dead-zone" }, "Push a stick at least this far"), zone, shown);
+    const dead = h(
+      "div",
+      { class: "field inline" },
+      h("label", { for: "dead-zone" }, "Push a stick at least this far"),
+      zone,
+      shown,
+    );
     showTest([padLegend(mapping), dead, again]);
   }
 
   function showTest(legend) {
     const hands = indicator(input);
-    const press = h("p", { class: "test-gripper", role: "status", data: { testid: "test-gripper" } }, "Gripper: nothing pressed yet");
+    const press = h(
+      "p",
+      { class: "test-gripper", role: "status", data: { testid: "test-gripper" } },
+      "Gripper: nothing pressed yet",
+    );
     const onGripper = (event) => setText(press, `Gripper: ${event.detail} pressed`);
     input.addEventListener("gripper", onGripper);
-    const area = h("div", { class: "test-area", tabindex: "0", role: "group", "aria-label": "Try the controls here", data: { testid: "test-area" } }, h("p", { class: "test-title" }, "Try it here"), hands.element, press,
-      h("p", { class: "hint" }, chosen.device === "keyboard" ? "Click here (or press Tab to get here), then press the keys." : "Move the sticks and press the buttons."));
+    const area = h(
+      "div",
+      {
+        class: "test-area",
+        tabindex: "0",
+        role: "group",
+        "aria-label": "Try the controls here",
+        data: { testid: "test-area" },
+      },
+      h("p", { class: "test-title" }, "Try it here"),
+      hands.element,
+      press,
+      h(
+        "p",
+        { class: "hint" },
+        chosen.device === "keyboard"
+          ? "Click here (or press Tab to get here), then press the keys."
+          : "Move the sticks and press the buttons.",
+      ),
+    );
     driveDetail.replaceChildren(h("div", { class: "setup-columns" }, h("div", {}, legend), area));
     keyboard.listen(area);
     if (chosen.device === "keyboard") area.focus({ preventScroll: true });
@@ -114,14 +185,37 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
   }
 
   const heard = h("p", { class: "hint", role: "status", data: { testid: "sound-result" } });
-  const play = h("button", { type: "button", class: "secondary", data: { testid: "sound-play" } }, icon("sound"), "Play the alarm");
-  const yes = h("button", { type: "button", class: "secondary", hidden: true, data: { testid: "sound-yes" } }, "I heard it");
-  const no = h("button", { type: "button", class: "secondary", hidden: true, data: { testid: "sound-no" } }, "I heard nothing");
-  const hearError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}, "Play the alarm and say whether you heard it."));
+  const play = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "sound-play" } },
+    icon("sound"),
+    "Play the alarm",
+  );
+  const yes = h(
+    "button",
+    { type: "button", class: "secondary", hidden: true, data: { testid: "sound-yes" } },
+    "I heard it",
+  );
+  const no = h(
+    "button",
+    { type: "button", class: "secondary", hidden: true, data: { testid: "sound-no" } },
+    "I heard nothing",
+  );
+  const hearError = h(
+    "p",
+    { class: "field-error", role: "alert", hidden: true },
+    icon("warning"),
+    h("span", {}, "Play the alarm and say whether you heard it."),
+  );
   play.addEventListener("click", async () => {
     const sounded = await sound.alarm();
     yes.hidden = no.hidden = false;
-    setText(heard, sounded ? "It is playing now. Did you hear it?" : "This browser did not let the sound through. Press the button once more.");
+    setText(
+      heard,
+      sounded
+        ? "It is playing now. Did you hear it?"
+        : "This browser did not let the sound through. Press the button once more.",
+    );
   });
   yes.addEventListener("click", () => sayHeard(true));
   no.addEventListener("click", () => sayHeard(false));
@@ -129,15 +223,43 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     chosen.sound = value;
     hearError.hidden = true;
     hear.done(value ? "Heard" : "Not heard");
-    setText(heard, value ? "Good. Keep the volume as it is." : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`);
+    setText(
+      heard,
+      value
+        ? "Good. Keep the volume as it is."
+        : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`,
+    );
   }
-  hear.body.append(h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."), h("div", { class: "actions" }, play, yes, no), heard, hearError);
+  hear.body.append(
+    h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."),
+    h("div", { class: "actions" }, play, yes, no),
+    heard,
+    hearError,
+  );
 
   if (second) {
-    const link = h("input", { type: "text", readonly: true, value: panel_link ?? "", "aria-label": "Link for the second device", class: "link-field", data: { testid: "panel-link" } });
+    const link = h("input", {
+      type: "text",
+      readonly: true,
+      value: panel_link ?? "",
+      "aria-label": "Link for the second device",
+      class: "link-field",
+      data: { testid: "panel-link" },
+    });
     second.body.append(
-      h("p", {}, "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page."),
-      panel_link ? h("div", { class: "copy-line" }, link, copyButton(() => panel_link, "Copy link")) : h("p", {}, "The experimenter has the link and opens it for you."),
+      h(
+        "p",
+        {},
+        "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page.",
+      ),
+      panel_link
+        ? h(
+            "div",
+            { class: "copy-line" },
+            link,
+            copyButton(() => panel_link, "Copy link"),
+          )
+        : h("p", {}, "The experimenter has the link and opens it for you."),
     );
   }
 
@@ -145,7 +267,12 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
   go.addEventListener("click", () => {
     if (!ready()) {
       driveError.hidden = false;
-      setText(driveError.lastChild, chosen.device === "gamepad" ? "Finish setting up the gamepad first, or choose the keyboard." : "Choose gamepad or keyboard first.");
+      setText(
+        driveError.lastChild,
+        chosen.device === "gamepad"
+          ? "Finish setting up the gamepad first, or choose the keyboard."
+          : "Choose gamepad or keyboard first.",
+      );
       drive.element.scrollIntoView({ block: "center" });
       drive.element.querySelector("input:checked, input").focus({ preventScroll: true });
       return;
@@ -156,13 +283,27 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       return;
     }
     const gamepad = chosen.device === "gamepad";
-    const data = { device: chosen.device, pad_id: gamepad ? chosen.padId.slice(0, 200) : null, mapping: gamepad ? chosen.mapping : {}, dead_zone: chosen.deadZone, sound: chosen.sound === true };
+    const data = {
+      device: chosen.device,
+      pad_id: gamepad ? chosen.padId.slice(0, 200) : null,
+      mapping: gamepad ? chosen.mapping : {},
+      dead_zone: chosen.deadZone,
+      sound: chosen.sound === true,
+    };
     whileBusy(go, "Saving", () => socket.submit("setup", data).catch(() => {}));
   });
 
   const steps = [drive.element, placement === "none" ? null : hear.element, second?.element];
-  const element = card({ title: "Set up", wide: true, testid: "page-setup", body: [...steps, h("div", { class: "actions" }, go)] });
+  const element = card({
+    title: "Set up",
+    wide: true,
+    testid: "page-setup",
+    body: [...steps, h("div", { class: "actions" }, go)],
+  });
   if (chosen.device) choose(chosen.device);
-  closers.push(() => stopDetail(), () => sound.silence());
+  closers.push(
+    () => stopDetail(),
+    () => sound.silence(),
+  );
   return { element, close: () => closers.forEach((close) => close()) };
 }

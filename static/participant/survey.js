@@ -9,7 +9,13 @@ export function surveyView({ socket, session }, page) {
   const answers = tab.get(key, {});
   const rows = [];
   const heading = h("h1", { tabindex: "-1" }, "How was it?");
-  const summary = h("div", { class: "error-summary", role: "alert", tabindex: "-1", hidden: true, data: { testid: "survey-missing" } });
+  const summary = h("div", {
+    class: "error-summary",
+    role: "alert",
+    tabindex: "-1",
+    hidden: true,
+    data: { testid: "survey-missing" },
+  });
   const progress = h("p", { class: "survey-progress", role: "status", data: { testid: "survey-progress" } });
 
   const count = () => {
@@ -37,14 +43,27 @@ export function surveyView({ socket, session }, page) {
     );
   });
 
-  const button = h("button", { type: "submit", class: "primary large", data: { testid: "survey-submit" } }, "Save answers and continue");
-  const form = h("form", { novalidate: true }, summary, sections, h("div", { class: "actions sticky" }, progress, button));
+  const button = h(
+    "button",
+    { type: "submit", class: "primary large", data: { testid: "survey-submit" } },
+    "Save answers and continue",
+  );
+  const form = h(
+    "form",
+    { novalidate: true },
+    summary,
+    sections,
+    h("div", { class: "actions sticky" }, progress, button),
+  );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const missing = rows.filter((row) => row.check() === false);
     summary.hidden = missing.length === 0;
     if (missing.length > 0) {
-      const words = missing.length === 1 ? "One question is not answered yet." : `${missing.length} questions are not answered yet.`;
+      const words =
+        missing.length === 1
+          ? "One question is not answered yet."
+          : `${missing.length} questions are not answered yet.`;
       summary.replaceChildren(icon("warning"), h("p", {}, `${words} They are marked below.`));
       missing[0].focus();
       return;
@@ -59,19 +78,39 @@ export function surveyView({ socket, session }, page) {
     });
   });
   count();
-  const trialText = page.trial && page.trials ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.` : "";
-  const element = h("section", { class: "card wide survey", data: { testid: "page-survey" } }, heading, h("p", {}, trialText), form);
+  const trialText =
+    page.trial && page.trials
+      ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.`
+      : "";
+  const element = h(
+    "section",
+    { class: "card wide survey", data: { testid: "page-survey" } },
+    heading,
+    h("p", {}, trialText),
+    form,
+  );
   return { element, heading };
 }
 
 function itemRow(instrument, item, chosen, onChange) {
   const name = `${instrument.id}.${item.id}`;
   const errorId = freshId("missing");
-  const error = h("p", { id: errorId, class: "field-error", hidden: true }, icon("warning"), h("span", {}, "Please choose an answer."));
+  const error = h(
+    "p",
+    { id: errorId, class: "field-error", hidden: true },
+    icon("warning"),
+    h("span", {}, "Please choose an answer."),
+  );
   const radios = Array.from({ length: instrument.points }, (_, index) => {
     const value = index + 1;
     const anchor = value === 1 ? item.low : value === instrument.points ? item.high : null;
-    const radio = h("input", { type: "radio", name, value: String(value), "aria-describedby": errorId, "aria-label": anchor ? `${value}, ${anchor}` : String(value) });
+    const radio = h("input", {
+      type: "radio",
+      name,
+      value: String(value),
+      "aria-describedby": errorId,
+      "aria-label": anchor ? `${value}, ${anchor}` : String(value),
+    });
     if (chosen === value) radio.checked = true;
     radio.addEventListener("change", () => {
       error.hidden = true;
@@ -88,7 +127,11 @@ function itemRow(instrument, item, chosen, onChange) {
       "div",
       { class: "scale" },
       h("span", { class: "anchor low", "aria-hidden": "true" }, item.low),
-      h("div", { class: "points" }, radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value)))),
+      h(
+        "div",
+        { class: "points" },
+        radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value))),
+      ),
       h("span", { class: "anchor high", "aria-hidden": "true" }, item.high),
     ),
     error,

@@ -115,11 +115,23 @@ export class AlertView extends EventTarget {
     const errorId = freshId("reading-error");
     this.reading = h("output", { class: "reading", data: { testid: "alert-reading" } });
     this.input = h("input", {
-      id: inputId, type: "text", inputmode: "decimal", autocomplete: "off", autocapitalize: "off", spellcheck: "false",
-      maxlength: 64, class: "reading-input", "aria-describedby": errorId, data: { testid: "alert-input" },
+      id: inputId,
+      type: "text",
+      inputmode: "decimal",
+      autocomplete: "off",
+      autocapitalize: "off",
+      spellcheck: "false",
+      maxlength: 64,
+      class: "reading-input",
+      "aria-describedby": errorId,
+      data: { testid: "alert-input" },
     });
     this.error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true });
-    this.button = h("button", { type: "submit", class: "primary large", data: { testid: "alert-submit" } }, "Log reading");
+    this.button = h(
+      "button",
+      { type: "submit", class: "primary large", data: { testid: "alert-submit" } },
+      "Log reading",
+    );
     this.clock = h("p", { class: "countdown", data: { testid: "alert-countdown" } });
     this.bar = h("div", { class: "bar-fill" });
     this.rest = h("p", { class: "alert-rest", data: { testid: "alert-rest" } });
@@ -127,7 +139,13 @@ export class AlertView extends EventTarget {
     this.form = h(
       "form",
       { class: "alert-form", novalidate: true },
-      h("div", { class: "field" }, h("label", { for: inputId }, "Type the reading, then press Enter"), this.input, this.error),
+      h(
+        "div",
+        { class: "field" },
+        h("label", { for: inputId }, "Type the reading, then press Enter"),
+        this.input,
+        this.error,
+      ),
       this.button,
     );
     this.form.addEventListener("submit", (event) => {
@@ -136,16 +154,32 @@ export class AlertView extends EventTarget {
     });
     this.element = h(
       "section",
-      { class: "alert", role: this.away ? "alertdialog" : "region", "aria-label": "Sensor reading", hidden: true, data: { testid: "alert" } },
-      h("div", { class: "alert-card" }, h("p", { class: "alert-kicker" }, icon("sound"), "New sensor reading"), this.reading, this.form, this.result,
-        h("div", { class: "bar", "aria-hidden": "true" }, this.bar), this.clock, this.rest),
+      {
+        class: "alert",
+        role: this.away ? "alertdialog" : "region",
+        "aria-label": "Sensor reading",
+        hidden: true,
+        data: { testid: "alert" },
+      },
+      h(
+        "div",
+        { class: "alert-card" },
+        h("p", { class: "alert-kicker" }, icon("sound"), "New sensor reading"),
+        this.reading,
+        this.form,
+        this.result,
+        h("div", { class: "bar", "aria-hidden": "true" }, this.bar),
+        this.clock,
+        this.rest,
+      ),
     );
   }
 
   /** Tells the lab that it was really on the screen, and that the sound really came out. */
   async _report(alert) {
     const heard = this.sound.alarm();
-    if (document.hidden) await new Promise((resolve) => document.addEventListener("visibilitychange", resolve, { once: true }));
+    if (document.hidden)
+      await new Promise((resolve) => document.addEventListener("visibilitychange", resolve, { once: true }));
     await new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve)));
     this.socket.submit("alert_shown", { alert }).catch(() => {});
     if (await heard) this.socket.submit("alert_heard", { alert }).catch(() => {});
@@ -212,7 +246,15 @@ export class AlertView extends EventTarget {
 
   /** A digit typed anywhere goes into the field, so that the mouse is never needed. */
   _refocus(event) {
-    if (this.phase !== "open" || this.concealed || event.target === this.input || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (
+      this.phase !== "open" ||
+      this.concealed ||
+      event.target === this.input ||
+      event.ctrlKey ||
+      event.altKey ||
+      event.metaKey
+    )
+      return;
     if (event.key.length !== 1 || event.key === " " || document.querySelector("dialog[open]")) return;
     this.input.focus();
   }

@@ -2,8 +2,14 @@
 
 export const MAX_GAIN = 0.7;
 const ALARM = [
-  [0.0, 880], [0.18, 1175], [0.36, 880], [0.54, 1175],
-  [1.0, 880], [1.18, 1175], [1.36, 880], [1.54, 1175],
+  [0.0, 880],
+  [0.18, 1175],
+  [0.36, 880],
+  [0.54, 1175],
+  [1.0, 880],
+  [1.18, 1175],
+  [1.36, 880],
+  [1.54, 1175],
 ];
 const BEEP_S = 0.15;
 
@@ -76,7 +82,13 @@ export class Sound extends EventTarget {
   _build() {
     const context = new AudioContext();
     const master = new GainNode(context, { gain: MAX_GAIN });
-    const limiter = new DynamicsCompressorNode(context, { threshold: -6, knee: 0, ratio: 20, attack: 0.002, release: 0.1 });
+    const limiter = new DynamicsCompressorNode(context, {
+      threshold: -6,
+      knee: 0,
+      ratio: 20,
+      attack: 0.002,
+      release: 0.1,
+    });
     this.analyser = new AnalyserNode(context, { fftSize: 2048 });
     master.connect(limiter).connect(this.analyser).connect(context.destination);
     context.addEventListener("statechange", () => this.dispatchEvent(new CustomEvent("state")));

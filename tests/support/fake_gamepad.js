@@ -90,7 +90,12 @@
     }
     lastStamp = Math.max(performance.now(), lastStamp + 0.001);
     device = {
-      id, mapping, index, timestamp: lastStamp, axes: Array(axes).fill(0), buttons: Array(buttons).fill(0),
+      id,
+      mapping,
+      index,
+      timestamp: lastStamp,
+      axes: Array(axes).fill(0),
+      buttons: Array(buttons).fill(0),
     };
     if (activated) expose(); // a document that saw a press before sees a new pad at once
   };
