@@ -2,48 +2,104 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
-function apply(element, props) {
-  for (const [name, value] of Object.entries(props ?? {})) {
+/** @typedef {string | number | boolean | null | undefined} Attribute true is an empty one; false, null, undefined none */
+/** @typedef {Node | string | number | false | null | undefined | ReadonlyArray<Child>} Child the empty ones are left out */
+/**
+ * Attributes by their names, and two things that are none: listeners under `on`, and `data`.
+ *
+ * @typedef {{
+ *   class?: string,
+ *   on?: Record<string, (event: Event) => void>,
+ *   data?: Record<string, Attribute>,
+ *   [attribute: string]: Attribute | Record<string, Attribute | ((event: Event) => void)>,
+ * }} Props
+ */
+/** @typedef {keyof typeof ICONS} IconName */
+
+/**
+ * @param {HTMLElement | SVGElement} element
+ * @param {Props} [props]
+ * @returns {void}
+ */
+function apply(element, props = {}) {
+  const { on = {}, data = {}, ...attributes } = props;
+  for (const [event, handler] of Object.entries(on)) element.addEventListener(event, handler);
+  for (const [name, value] of Object.entries(data)) {
+    if (value !== undefined && value !== null) element.dataset[name] = String(value);
+  }
+  for (const [name, value] of Object.entries(attributes)) {
     if (value === undefined || value === null || value === false) continue;
-    if (name === "class") element.setAttribute("class", value);
-    else if (name === "on")
-      for (const [event, handler] of Object.entries(value)) element.addEventListener(event, handler);
-    else if (name === "data") Object.assign(element.dataset, value);
-    else if (name === "value" && element instanceof HTMLElement) element.value = value;
-    else element.setAttribute(name, value === true ? "" : String(value));
+    if (name === "value" && element instanceof HTMLElement) {
+      /** @type {HTMLInputElement} */ (element).value = String(value);
+    } else element.setAttribute(name, value === true ? "" : String(value));
   }
 }
 
+/**
+ * @param {Element} element
+ * @param {ReadonlyArray<Child>} children
+ * @returns {void}
+ */
 function append(element, children) {
-  for (const child of children.flat(Infinity)) {
+  for (const child of children) {
     if (child === undefined || child === null || child === false) continue;
-    element.append(child instanceof Node ? child : String(child));
+    if (child instanceof Node) element.append(child);
+    else if (typeof child === "object") append(element, child);
+    else element.append(String(child));
   }
-  return element;
 }
 
-/** An HTML element. `props`: attributes, `class`, `on: {event: handler}`, `data: {…}`; strings become text. */
+/**
+ * An HTML element; strings among its children become text.
+ *
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Props} [props]
+ * @param {...Child} children
+ * @returns {HTMLElementTagNameMap[Tag]}
+ */
 export function h(tag, props, ...children) {
   const element = document.createElement(tag);
   apply(element, props);
-  return append(element, children);
+  append(element, children);
+  return element;
 }
 
-/** The same for SVG. */
+/**
+ * The same for SVG.
+ *
+ * @template {keyof SVGElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Props} [props]
+ * @param {...Child} children
+ * @returns {SVGElementTagNameMap[Tag]}
+ */
 export function s(tag, props, ...children) {
   const element = document.createElementNS(SVG, tag);
   apply(element, props);
-  return append(element, children);
+  append(element, children);
+  return element;
 }
 
-/** Sets text only when it differs, so that live regions announce changes and nothing else. */
+/**
+ * Sets text only when it differs, so that live regions announce changes and nothing else.
+ *
+ * @param {Node} element
+ * @param {string} text
+ * @returns {void}
+ */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
 let counter = 0;
 
-/** An id for `for` and `aria-describedby`, unique in this document. */
+/**
+ * An id for `for` and `aria-describedby`, unique in this document.
+ *
+ * @param {string} stem
+ * @returns {string}
+ */
 export function freshId(stem) {
   counter += 1;
   return `${stem}-${counter}`;
@@ -71,16 +127,28 @@ const ICONS = {
   hand: "M8 11V4.500a1.300 1.300 0 0 1 2.600 0V10h.6V3.300a1.300 1.300 0 0 1 2.600 0V10h.6V4.500a1.300 1.300 0 0 1 2.600 0V13h.5V8.500a1.200 1.200 0 0 1 2.500 0V15c0 4-2.500 7-6.500 7-3 0-4.500-1.300-6-4l-3-5.300c-.500-1 .800-2 1.700-1.300z",
 };
 
-/** A decorative icon; the words beside it carry the meaning. */
+/**
+ * A decorative icon; the words beside it carry the meaning.
+ *
+ * @param {IconName} name
+ * @returns {SVGSVGElement}
+ */
 export function icon(name) {
   return s(
     "svg",
     { class: "icon", viewBox: "0 0 24 24", "aria-hidden": "true", focusable: "false" },
-    s("path", { d: ICONS[name] ?? ICONS.help, "fill-rule": "evenodd" }),
+    s("path", { d: ICONS[name], "fill-rule": "evenodd" }),
   );
 }
 
-/** Marks a button as working until the promise settles; a second press meanwhile does nothing. */
+/**
+ * Marks a button as working until the promise settles; a second press meanwhile does nothing.
+ *
+ * @param {HTMLButtonElement} button
+ * @param {string} busyText
+ * @param {() => unknown} work what is waited for when it is a promise
+ * @returns {Promise<void>}
+ */
 export async function whileBusy(button, busyText, work) {
   if (button.getAttribute("aria-busy") === "true") return;
   const children = [...button.childNodes];

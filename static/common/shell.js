@@ -2,6 +2,11 @@
 
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
 
+/** @import { Child, IconName } from "./dom.js" */
+/** @import { Emitter } from "./emitter.js" */
+/** @typedef {"connecting" | "open" | "lost" | "superseded" | "denied" | "outdated" | "closed"} ConnectionState */
+
+/** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
   connecting: ["hourglass", "Connecting"],
   open: ["check", "Connected"],
@@ -18,8 +23,13 @@ export class Toasts {
     this.element = h("div", { class: "toasts", role: "status", "aria-live": "polite", data: { testid: "toasts" } });
   }
 
+  /**
+   * @param {string} text
+   * @param {{ problem?: boolean, stays?: boolean, onDismiss?: () => void }} [how]
+   * @returns {void}
+   */
   show(text, { problem = false, stays = false, onDismiss = () => {} } = {}) {
-    const shown = [...this.element.children];
+    const shown = /** @type {HTMLElement[]} */ ([...this.element.children]);
     const twin = shown.find((toast) => toast.dataset.text === text);
     if (twin) twin.remove();
     if (shown.length > 3) shown[0].remove();
@@ -45,8 +55,29 @@ export class Toasts {
 }
 
 /**
+ * @typedef {object} Field a text to be typed
+ * @property {string} label
+ * @property {boolean} required
+ * @property {string} [missing] said when it is required and empty
+ * @property {(text: string) => string} [check] what is wrong with the text, "" when nothing is
+ */
+/**
+ * @typedef {object} Question
+ * @property {string} title
+ * @property {string[]} [text]
+ * @property {string | null} confirm null when there is nothing to confirm
+ * @property {string} [back]
+ * @property {Field | null} [field]
+ * @property {boolean} [danger] Enter then gives the harmless answer
+ * @property {string} testid
+ * @property {Child} [extra]
+ */
+
+/**
  * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
- * `question`: {title, text: [..], confirm, back, field?: {label, required, missing, check: text => problem}, danger?, testid}
+ *
+ * @param {Question} question
+ * @returns {Promise<string | null>}
  */
 export function ask({
   title,
@@ -79,23 +110,20 @@ export function ask({
       h("div", { class: "actions" }, confirm ? yes : null, no),
     );
     const dialog = h("dialog", { "aria-labelledby": titleId, data: { testid } }, form);
+    /** @type {string | null} */
     let answer = null;
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      if (field?.required && input.value.trim() === "") {
-        error.hidden = false;
-        error.textContent = field.missing ?? "Please fill this in.";
-        input.focus();
-        return;
-      }
-      const wrong = field?.check?.(input.value.trim());
+      const typed = input?.value.trim() ?? "";
+      const missing = field?.required && typed === "" ? (field.missing ?? "Please fill this in.") : "";
+      const wrong = missing || field?.check?.(typed);
       if (wrong) {
         error.hidden = false;
         error.textContent = wrong;
-        input.focus();
+        input?.focus();
         return;
       }
-      answer = input ? input.value.trim() : "";
+      answer = typed;
       dialog.close();
     });
     no.addEventListener("click", () => dialog.close());
@@ -109,8 +137,15 @@ export function ask({
   });
 }
 
+/**
+ * The lab as the surroundings of a page see it: whether it is there, and what it is called.
+ *
+ * @typedef {Emitter<{ state: ConnectionState, welcome: { study_title: string, demo: boolean } }> & { state: ConnectionState }} Lab
+ */
+
 /** Header with title, connection, Help and Stop. */
 export class Shell {
+  /** @param {{ socket: Lab, onHelp: () => void, onStop: () => void }} wiring */
   constructor({ socket, onHelp, onStop }) {
     this.socket = socket;
     this.toasts = new Toasts();
@@ -152,13 +187,23 @@ export class Shell {
     this._connection();
   }
 
-  /** Which of the two buttons make sense now. */
+  /**
+   * Which of the two buttons make sense now.
+   *
+   * @param {{ help: boolean, stop: boolean }} buttons
+   * @returns {void}
+   */
   offer({ help, stop }) {
     this.help.hidden = !help;
     this.stop.hidden = !stop;
   }
 
-  /** The study is over for this person: whether the lab still runs is no longer their concern. */
+  /**
+   * The study is over for this person: whether the lab still runs is no longer their concern.
+   *
+   * @param {boolean} resting
+   * @returns {void}
+   */
   rest(resting) {
     this.connection.hidden = resting;
   }
@@ -172,7 +217,19 @@ export class Shell {
   }
 }
 
-/** A calm page of text in the middle, with one heading and, perhaps, buttons. */
+/**
+ * A calm page of text in the middle, with one heading and, perhaps, buttons.
+ *
+ * @param {object} words
+ * @param {string} words.title
+ * @param {ReadonlyArray<string>} [words.lines]
+ * @param {HTMLElement[]} [words.actions]
+ * @param {string} [words.testid]
+ * @param {boolean} [words.wide]
+ * @param {Child} [words.body]
+ * @param {IconName | null} [words.sign]
+ * @returns {HTMLElement}
+ */
 export function card({ title, lines = [], actions = [], testid, wide = false, body = null, sign = null }) {
   const heading = h("h1", { tabindex: "-1" }, title);
   return h(
@@ -186,24 +243,27 @@ export function card({ title, lines = [], actions = [], testid, wide = false, bo
   );
 }
 
-/** A button that submits a step once and says while it waits. Errors reach the person as toasts. */
-export function stepButton({
-  socket,
-  step,
-  data = () => ({}),
-  label,
-  busy = "Saving",
-  kind = "primary",
-  testid,
-  onError,
-}) {
+/**
+ * A button that submits a step once and says while it waits. Errors reach the person as toasts.
+ *
+ * @template Step
+ * @param {object} button
+ * @param {{ submit: (step: Step) => Promise<unknown> }} button.socket
+ * @param {Step} button.step
+ * @param {string} button.label
+ * @param {string} [button.busy]
+ * @param {string} [button.kind] its classes
+ * @param {string} button.testid
+ * @returns {HTMLButtonElement}
+ */
+export function stepButton({ socket, step, label, busy = "Saving", kind = "primary", testid }) {
   const button = h("button", { type: "button", class: kind, data: { testid } }, label);
   button.addEventListener("click", () => {
     whileBusy(button, busy, async () => {
       try {
-        await socket.submit(step, data());
-      } catch (error) {
-        onError?.(error);
+        await socket.submit(step);
+      } catch {
+        // said in a message
       }
     });
   });

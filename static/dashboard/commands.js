@@ -2,10 +2,26 @@
 //
 // Whether an act is possible now, and if not why, is said by the lab (`session.why_not`).
 
+import { problemText } from "../common/problem.js";
 import { ask } from "../common/shell.js";
+
+/** @import { Field, Toasts } from "../common/shell.js" */
+/** @import { Api } from "./api.js" */
+/**
+ * @typedef {object} Command
+ * @property {string} name as the API knows it
+ * @property {string} label
+ * @property {string} done what is said afterwards
+ * @property {(who: string) => string} title
+ * @property {string} confirm
+ * @property {string[]} text
+ * @property {Field} [field]
+ * @property {boolean} [danger]
+ */
 
 const WORDS = "Kept in the lab, never exported";
 
+/** @type {Command[]} */
 export const COMMANDS = [
   {
     name: "start",
@@ -73,7 +89,15 @@ export const COMMANDS = [
   },
 ];
 
-/** Asks, does it, and says what came of it. Resolves when all is done. */
+/**
+ * Asks, does it, and says what came of it. Resolves when all is done.
+ *
+ * @param {Api} api
+ * @param {Toasts} toasts
+ * @param {string} participant
+ * @param {Command} command
+ * @returns {Promise<void>}
+ */
 export async function act(api, toasts, participant, command) {
   const { name, title, text, field = null, confirm, danger = false, done } = command;
   const reason = await ask({ title: title(participant), text, field, confirm, danger, testid: `${name}-dialog` });
@@ -83,11 +107,19 @@ export async function act(api, toasts, participant, command) {
     toasts.show(`${participant}: ${done}`);
   } catch (error) {
     // Another experimenter, or the participant, was quicker: the lab says how things stand.
-    toasts.show(`${participant}: nothing was done. ${error.message}`, { problem: true });
+    toasts.show(`${participant}: nothing was done. ${problemText(error)}`, { problem: true });
   }
 }
 
-/** A button that can always be reached: when it can do nothing it says why, to eyes and to screen readers. */
+/**
+ * A button that can always be reached: when it can do nothing it says why, to eyes and to screen readers.
+ *
+ * @param {HTMLButtonElement} button
+ * @param {() => string} why "" when it can act
+ * @param {Toasts} toasts
+ * @param {() => void} run
+ * @returns {void}
+ */
 export function reasoned(button, why, toasts, run) {
   button.addEventListener("click", () => {
     const reason = why();
@@ -96,7 +128,13 @@ export function reasoned(button, why, toasts, run) {
   });
 }
 
-/** Shows whether the button can act now. */
+/**
+ * Shows whether the button can act now.
+ *
+ * @param {HTMLButtonElement} button
+ * @param {string} why "" when it can act
+ * @returns {void}
+ */
 export function say(button, why) {
   button.setAttribute("aria-disabled", String(why !== ""));
   button.title = why;

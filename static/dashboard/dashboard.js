@@ -2,14 +2,19 @@
 
 import { copyButton } from "../common/copy.js";
 import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
+import { problemText } from "../common/problem.js";
 import { Toasts } from "../common/shell.js";
-import { Api } from "./api.js";
+import { Api, isRefused } from "./api.js";
 import { act } from "./commands.js";
 import { Live } from "./live.js";
 import { Results } from "./results.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
 import { Rows } from "./sessions_table.js";
+
+/** @import { InvitationReply, InviteRequest } from "../../tests/javascript/api.d.ts" */
+/** @import { Session } from "./api.js" */
+/** @import { Command } from "./commands.js" */
 
 const POLL_MS = 1000;
 const STALE_MS = 4000;
@@ -32,7 +37,9 @@ const initials = h("input", {
   value: api.initials,
   data: { testid: "initials" },
 });
-initials.addEventListener("change", () => (api.initials = initials.value));
+initials.addEventListener("change", () => {
+  api.initials = initials.value;
+});
 const signed = h(
   "label",
   {
@@ -47,12 +54,17 @@ const signed = h(
 let timer = 0;
 let lastMs = 0;
 
+/**
+ * @param {string} [problem] why the token was not taken
+ * @returns {void}
+ */
 function login(problem = "") {
   clearInterval(timer);
   live.stop();
   roster.stop();
   results.stop();
-  leave.hidden = signed.hidden = true;
+  leave.hidden = true;
+  signed.hidden = true;
   const fieldId = freshId("token");
   const field = h("input", {
     id: fieldId,
@@ -98,6 +110,7 @@ function login(problem = "") {
   field.focus();
 }
 
+/** @returns {Promise<void>} */
 async function enter() {
   try {
     const sessions = await api.sessions();
@@ -107,20 +120,24 @@ async function enter() {
     timer = setInterval(poll, POLL_MS);
     live.start();
   } catch (error) {
-    if (error.status === 401 || error.status === 403) api.setToken("");
-    login(error.message);
+    if (isRefused(error)) api.setToken("");
+    login(problemText(error));
   }
 }
 
 const results = new Results({ api, toasts });
 const roster = new Roster({ api, toasts, onActed: () => poll() });
-const onAct = async (participant, command) => {
+const onAct = async (/** @type {string} */ participant, /** @type {Command} */ command) => {
   await act(api, toasts, participant, command);
   poll();
 };
 const rows = new Rows({ toasts, onAct });
 const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 
+/**
+ * @param {Session[]} sessions
+ * @returns {void}
+ */
 function drawn(sessions) {
   lastMs = Date.now();
   rows.update(sessions);
@@ -128,6 +145,7 @@ function drawn(sessions) {
   sayUpdated();
 }
 
+/** @returns {void} */
 function sayUpdated() {
   const stale = Date.now() - lastMs > STALE_MS;
   updated.classList.toggle("stale", stale);
@@ -136,21 +154,24 @@ function sayUpdated() {
 }
 
 let polling = false;
+/** @returns {Promise<void>} */
 async function poll() {
   if (polling) return;
   polling = true;
   try {
     drawn(live.fed ? live.sessions : await api.sessions());
   } catch (error) {
-    if (error.status === 401 || error.status === 403) login(error.message);
+    if (isRefused(error)) login(problemText(error));
     else sayUpdated();
   } finally {
     polling = false;
   }
 }
 
+/** @returns {void} */
 function board() {
-  leave.hidden = signed.hidden = false;
+  leave.hidden = false;
+  signed.hidden = false;
   roster.start();
   results.start();
   main.replaceChildren(
@@ -166,6 +187,7 @@ function board() {
   );
 }
 
+/** @returns {HTMLElement} */
 function createCard() {
   const countId = freshId("count");
   const labelId = freshId("label");
@@ -188,28 +210,26 @@ function createCard() {
   });
   const error = h("p", { class: "field-error", role: "alert", hidden: true });
   const links = h("div", { class: "links", data: { testid: "links" } });
-  const create =
-    (demo, kind = null) =>
-    async () => {
-      const wanted = Number(count.value);
-      error.hidden = true;
-      if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
-        error.hidden = false;
-        setText(error, `The number of links must be a whole number from 1 to 200, not “${count.value}”.`);
-        count.focus();
-        return;
-      }
-      try {
-        const made = await api.create({ demo, kind, label: label.value.trim(), count: wanted });
-        links.prepend(...made.map((one) => linkRows(one)));
-        label.value = "";
-        poll();
-        roster.refresh();
-      } catch (problem) {
-        error.hidden = false;
-        setText(error, `No link was created: ${problem.message}`);
-      }
-    };
+  const create = (/** @type {NonNullable<InviteRequest["kind"]>} */ kind) => async () => {
+    const wanted = Number(count.value);
+    error.hidden = true;
+    if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
+      error.hidden = false;
+      setText(error, `The number of links must be a whole number from 1 to 200, not “${count.value}”.`);
+      count.focus();
+      return;
+    }
+    try {
+      const made = await api.create({ demo: kind === "demo", kind, label: label.value.trim(), count: wanted });
+      links.prepend(...made.map(linkRows));
+      label.value = "";
+      poll();
+      roster.refresh();
+    } catch (problem) {
+      error.hidden = false;
+      setText(error, `No link was created: ${problemText(problem)}`);
+    }
+  };
   const add = h(
     "button",
     { type: "button", class: "primary", data: { testid: "create-participant" } },
@@ -225,9 +245,9 @@ function createCard() {
     { type: "button", class: "secondary", data: { testid: "create-pilot" } },
     "Create pilot link",
   );
-  addPilot.addEventListener("click", () => whileBusy(addPilot, "Creating", create(false, "pilot")));
-  add.addEventListener("click", () => whileBusy(add, "Creating", create(false)));
-  addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create(true)));
+  addPilot.addEventListener("click", () => whileBusy(addPilot, "Creating", create("pilot")));
+  add.addEventListener("click", () => whileBusy(add, "Creating", create("study")));
+  addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create("demo")));
   return h(
     "section",
     { class: "board-card", "aria-labelledby": "create-title" },
@@ -251,8 +271,12 @@ function createCard() {
   );
 }
 
+/**
+ * @param {InvitationReply} invitation
+ * @returns {HTMLElement}
+ */
 function linkRows({ participant, link, panel_link, kind, demo }) {
-  const qr = (url) => {
+  const qr = (/** @type {string} */ url) => {
     const button = h(
       "button",
       {
@@ -264,12 +288,12 @@ function linkRows({ participant, link, panel_link, kind, demo }) {
       "QR code",
     );
     button.addEventListener("click", () =>
-      showQr(api, participant, url).catch((error) => toasts.show(error.message, { problem: true })),
+      showQr(api, participant, url).catch((error) => toasts.show(problemText(error), { problem: true })),
     );
     return button;
   };
   const marked = demo ? " (demo)" : kind === "pilot" ? " (pilot)" : "";
-  const line = (name, url, testid) =>
+  const line = (/** @type {string} */ name, /** @type {string} */ url, /** @type {string} */ testid) =>
     url &&
     h(
       "div",
@@ -298,6 +322,7 @@ function linkRows({ participant, link, panel_link, kind, demo }) {
   );
 }
 
+/** @returns {HTMLElement} */
 function sessionsCard() {
   const download = h(
     "button",
@@ -309,7 +334,7 @@ function sessionsCard() {
       try {
         await api.download();
       } catch (error) {
-        toasts.show(`The data could not be downloaded: ${error.message}`, { problem: true });
+        toasts.show(`The data could not be downloaded: ${problemText(error)}`, { problem: true });
       }
     }),
   );

@@ -1,14 +1,27 @@
 // One session, opened: what the robot believes and why it moves, what happened, and what the experimenter can do.
 
 import { freshId, h, icon, setText } from "../common/dom.js";
+import { problemText } from "../common/problem.js";
 import { ask } from "../common/shell.js";
 import { COMMANDS, reasoned, say } from "./commands.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
 import { Spectator } from "./live_spectator.js";
+import { nameOf, taskWords } from "./sessions_table.js";
+
+/** @import { LiveReply, Thought } from "../../tests/javascript/api.d.ts" */
+/** @import { Child } from "../common/dom.js" */
+/** @import { Toasts } from "../common/shell.js" */
+/** @import { Api, SessionEvent } from "./api.js" */
+/** @import { Command } from "./commands.js" */
+/** @import { Watched } from "./live_feed.js" */
+/** @typedef {{ title: string, text: string, field: string, confirm: string }} Saying what is asked when words belong to it */
+/** @typedef {{ kind: string, path: string, label: string, done: string, saying: Saying | null }} Remark */
+/** @typedef {{ element: HTMLButtonElement, label: string, name: string }} Act */
 
 const KEPT_TICKS = 120;
 const KEPT_EVENTS = 50;
+/** @type {Record<string, string>} */
 const SOURCES = {
   user: "the participant",
   robot: "the robot",
@@ -21,48 +34,70 @@ const AXES = [
   ["left", "right"],
   ["up", "down"],
 ];
+/** @type {Remark[]} */
 const REMARKS = [
   {
     kind: "message",
     path: "message",
     label: "Send message",
-    title: "Message to the participant",
-    text: "It is shown on the participant's page until they put it away.",
-    field: "Message",
-    confirm: "Send",
     done: "The message is on the participant's page.",
+    saying: {
+      title: "Message to the participant",
+      text: "It is shown on the participant's page until they put it away.",
+      field: "Message",
+      confirm: "Send",
+    },
   },
   {
     kind: "task_marked",
     path: "mark",
     label: "Mark this task",
-    title: "Mark the task under way",
-    text: "The mark is kept in the record with the task and the tick.",
-    field: "What is special about it (kept in the lab, never exported)",
-    confirm: "Mark",
     done: "The task is marked.",
+    saying: {
+      title: "Mark the task under way",
+      text: "The mark is kept in the record with the task and the tick.",
+      field: "What is special about it (kept in the lab, never exported)",
+      confirm: "Mark",
+    },
   },
   {
     kind: "note",
     path: "note",
     label: "Write note",
-    title: "Note for the record",
-    text: "Notes are kept in the lab beside the session's events. An export says that there is one, not what it says.",
-    field: "Note",
-    confirm: "Keep note",
     done: "The note is kept.",
+    saying: {
+      title: "Note for the record",
+      text: "Notes are kept in the lab beside the session's events. An export says that there is one, not what it says.",
+      field: "Note",
+      confirm: "Keep note",
+    },
   },
-  { kind: "help_seen", path: "help_seen", label: "Help is given", done: "The call for help is answered." },
+  {
+    kind: "help_seen",
+    path: "help_seen",
+    label: "Help is given",
+    done: "The call for help is answered.",
+    saying: null,
+  },
 ];
 
 export class SessionPage {
-  /** `onAct(participant, command)` asks and does one of COMMANDS. */
+  /**
+   * @param {object} wiring
+   * @param {string} wiring.participant
+   * @param {Api} wiring.api
+   * @param {Toasts} wiring.toasts
+   * @param {(participant: string, command: Command) => void} wiring.onAct asks and does one of COMMANDS
+   */
   constructor({ participant, api, toasts, onAct }) {
     this.participant = participant;
     this.api = api;
     this.toasts = toasts;
+    /** @type {Thought[]} */
     this.ticks = [];
+    /** @type {SessionEvent[]} */
     this.events = [];
+    /** @type {LiveReply | null} */
     this.session = null;
     this.title = h("h1", { tabindex: "-1" }, participant);
     this.state = h("p", { class: "live-state", role: "status", data: { testid: "live-state" } }, "Waiting for the lab");
@@ -135,29 +170,36 @@ export class SessionPage {
     );
   }
 
-  /** Another page takes the place of this one. */
+  /**
+   * Another page takes the place of this one.
+   *
+   * @returns {void}
+   */
   close() {
     this.spectator.end();
   }
 
-  /** The session's line from the overview. */
-  showSession(session, stateWords) {
+  /**
+   * The session's line from the overview.
+   *
+   * @param {LiveReply} session
+   * @param {string} stateText
+   * @returns {void}
+   */
+  showSession(session, stateText) {
     this.session = session;
-    setText(
-      this.title,
-      [session.participant, session.demo ? "(demo)" : "", session.label ? `· ${session.label}` : ""]
-        .filter(Boolean)
-        .join(" "),
-    );
-    const task = session.tasks ? ` · task ${Math.min(session.done_tasks + 1, session.tasks)} of ${session.tasks}` : "";
+    setText(this.title, nameOf(session));
+    const condition = session.condition.replaceAll("_", " ");
+    const task = session.tasks ? ` · task ${taskWords(session.done_tasks, session.tasks)}` : "";
+    const help = session.help_wanted ? " · asks for help" : "";
     setText(
       this.state,
-      `${stateWords} · trial ${session.trial} of ${session.trials}, condition ${session.condition.replaceAll("_", " ")}${task}${session.help_wanted ? " · asks for help" : ""}`,
+      `${stateText} · trial ${session.trial} of ${session.trials}, condition ${condition}${task}${help}`,
     );
     setText(this.instruction, session.instruction ? `Instruction: ${session.instruction}` : "");
     const reasons = [];
     for (const { element, label, name } of [...this.commands, ...this.remarks]) {
-      const why = session.why_not?.[name] ?? "";
+      const why = session.why_not[name] ?? "";
       say(element, why);
       if (why) reasons.push(`${label}: ${why}`);
     }
@@ -167,11 +209,16 @@ export class SessionPage {
       setText(this.whyTitle, `Why ${reasons.length === 1 ? "one button" : `${reasons.length} buttons`} cannot act now`);
       this.why.replaceChildren(...reasons.map((reason) => h("li", {}, reason)));
     }
-    this.spectator.show(session.scene ?? "");
+    this.spectator.show(session.scene);
     this._facts();
   }
 
-  /** News from the feed. */
+  /**
+   * News from the feed.
+   *
+   * @param {Watched} news
+   * @returns {void}
+   */
   hear({ since_start, ticks, events }) {
     if (since_start) {
       this.ticks = [];
@@ -208,6 +255,7 @@ export class SessionPage {
   _facts() {
     const tick = this.ticks.at(-1);
     const session = this.session;
+    const focus = session?.focused ? "has the focus" : "does not have the focus";
     const rows = [
       ["Moves now", tick ? (SOURCES[tick.source] ?? tick.source) : "–"],
       ["Action", words(tick?.action)],
@@ -218,29 +266,14 @@ export class SessionPage {
           ? `${tick.gripper}${tick.held ? `, holds ${tick.held.replaceAll("_", " ")}` : ""} at ${tick.position_m.map((value) => value.toFixed(2)).join(", ")} m`
           : "–",
       ],
-      ["Trial time", Number.isFinite(session?.trial_s) ? `${session.trial_s.toFixed(1)} s` : "–"],
-      [
-        "Driven in the last 10 s",
-        Number.isFinite(session?.driving_share) ? `${Math.round(100 * session.driving_share)} % of ticks` : "–",
-      ],
+      ["Trial time", told(session?.trial_s, (seconds) => `${seconds.toFixed(1)} s`)],
+      ["Driven in the last 10 s", told(session?.driving_share, (share) => `${Math.round(100 * share)} % of ticks`)],
       ["Signals from the page", session ? `${session.signals_per_s.toFixed(1)} a second` : "–"],
-      ["Round trip", Number.isFinite(session?.round_trip_ms) ? `${Math.round(session.round_trip_ms)} ms` : "–"],
+      ["Round trip", told(session?.round_trip_ms, (ms) => `${Math.round(ms)} ms`)],
       ["Late ticks", session ? String(session.overruns) : "–"],
       ["Device", session?.device ?? "–"],
-      [
-        "Page",
-        session?.visible === null || session?.visible === undefined
-          ? "–"
-          : `${session.visible ? "visible" : "hidden"}, ${session.focused ? "has the focus" : "does not have the focus"}`,
-      ],
-      [
-        "Sound",
-        session?.sound === null || session?.sound === undefined
-          ? "not tested yet"
-          : session.sound
-            ? "heard"
-            : "not heard",
-      ],
+      ["Page", told(session?.visible, (visible) => `${visible ? "visible" : "hidden"}, ${focus}`)],
+      ["Sound", told(session?.sound, (sound) => (sound ? "heard" : "not heard"), "not tested yet")],
     ];
     const text = JSON.stringify(rows);
     if (this.facts.dataset.text === text) return;
@@ -248,43 +281,61 @@ export class SessionPage {
     this.facts.replaceChildren(...rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
   }
 
+  /**
+   * @param {string} label
+   * @param {string} name
+   * @param {() => void} run
+   * @param {boolean} [danger]
+   * @returns {Act}
+   */
   _button(label, name, run, danger = false) {
     const element = h(
       "button",
       { type: "button", class: danger ? "secondary small stop" : "secondary small", data: { testid: name } },
       label,
     );
-    reasoned(element, () => this.session?.why_not?.[name] ?? "The lab has not told anything yet.", this.toasts, run);
+    reasoned(element, () => this.session?.why_not[name] ?? "The lab has not told anything yet.", this.toasts, run);
     return { element, label, name };
   }
 
-  async _remark(action) {
+  /** @param {Remark} remark */
+  async _remark({ kind, path, done, saying }) {
     let body = {};
-    if (action.field) {
+    if (saying) {
       const text = await ask({
-        title: action.title,
-        text: [action.text],
-        field: { label: action.field, required: true, missing: "Please write something." },
-        confirm: action.confirm,
-        testid: `${action.kind}-dialog`,
+        title: saying.title,
+        text: [saying.text],
+        field: { label: saying.field, required: true, missing: "Please write something." },
+        confirm: saying.confirm,
+        testid: `${kind}-dialog`,
       });
       if (text === null) return;
       body = { text };
     }
     try {
-      await this.api.say(this.participant, action.path, body);
-      this.toasts.show(`${this.participant}: ${action.done}`);
+      await this.api.say(this.participant, path, body);
+      this.toasts.show(`${this.participant}: ${done}`);
     } catch (error) {
-      this.toasts.show(`${this.participant}: ${error.message}`, { problem: true });
+      this.toasts.show(`${this.participant}: ${problemText(error)}`, { problem: true });
     }
   }
 }
 
+/**
+ * @param {string} title
+ * @param {...Child} children
+ * @returns {HTMLElement}
+ */
 function card(title, ...children) {
   const id = freshId("card");
   return h("section", { class: "board-card", "aria-labelledby": id }, h("h2", { id }, title), children);
 }
 
+/**
+ * @param {string} name
+ * @param {Act[]} acts
+ * @returns {HTMLElement}
+ */
 function group(name, acts) {
   return h(
     "div",
@@ -293,17 +344,42 @@ function group(name, acts) {
   );
 }
 
+/**
+ * @param {Thought["action"] | undefined} action
+ * @returns {string}
+ */
 function words(action) {
   if (!action) return "–";
-  const parts = action.map((value, axis) => (value === 0 ? null : AXES[axis][value > 0 ? 0 : 1])).filter(Boolean);
+  const parts = action.flatMap((value, axis) => (value === 0 ? [] : [AXES[axis][value > 0 ? 0 : 1]]));
   return parts.length ? parts.join(" and ") : "stay";
 }
 
-function shown(value) {
-  if (typeof value === "number") return String(Math.round(value * 100) / 100);
-  return typeof value === "object" ? JSON.stringify(value) : value;
+/**
+ * What the lab told, in words; something else when it told nothing.
+ *
+ * @template Value
+ * @param {Value | null | undefined} value
+ * @param {(value: Value) => string} inWords
+ * @param {string} [nothing]
+ * @returns {string}
+ */
+function told(value, inWords, nothing = "–") {
+  return value === null || value === undefined ? nothing : inWords(value);
 }
 
+/**
+ * @param {unknown} value
+ * @returns {string}
+ */
+function shown(value) {
+  if (typeof value === "number") return String(Math.round(value * 100) / 100);
+  return typeof value === "object" ? JSON.stringify(value) : String(value);
+}
+
+/**
+ * @param {SessionEvent} event
+ * @returns {HTMLLIElement}
+ */
 function eventLine({ utc, kind, source, data, tick }) {
   const { by, text, ...rest } = data;
   const details = Object.entries(rest)

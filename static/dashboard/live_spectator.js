@@ -2,15 +2,25 @@
 // own, which shows what the participant's never does (app/worker/spectator_view.py).
 
 import { freshId, h, setText, whileBusy } from "../common/dom.js";
+import { problemText } from "../common/problem.js";
 import { labUrl } from "../common/root.js";
+
+/** @import { Toasts } from "../common/shell.js" */
+/** @import { Api } from "./api.js" */
 
 const OPEN = "Open the 3-D view";
 const CLOSE = "Close the 3-D view";
 
 export class Spectator {
+  /** @param {{ api: Api, participant: string, toasts: Toasts }} wiring */
   constructor({ api, participant, toasts }) {
-    Object.assign(this, { api, participant, toasts });
+    this.api = api;
+    this.participant = participant;
+    this.toasts = toasts;
+    /** @type {HTMLIFrameElement | null} */
     this.frame = null;
+    this.connected = false;
+    this.why = "";
     const titleId = freshId("spectator");
     const helpId = freshId("spectator-help");
     this.toggle = h(
@@ -30,7 +40,7 @@ export class Spectator {
       },
       "Steer by keys",
     );
-    this.steer.addEventListener("click", () => this.frame?.contentWindow.focus());
+    this.steer.addEventListener("click", () => this.frame?.contentWindow?.focus());
     this.sign = h("p", { class: "spectator-sign", role: "status", hidden: true, data: { testid: "spectator-sign" } });
     this.stage = h("div", { class: "spectator", hidden: true, data: { testid: "spectator" } }, this.sign);
     this.help = h(
@@ -50,6 +60,7 @@ export class Spectator {
       this.stage,
       this.help,
     );
+    /** @type {(event: MessageEvent) => void} */
     this._message = (event) => {
       if (!this.frame || event.source !== this.frame.contentWindow) return;
       if (event.data?.type === "scene") {
@@ -60,12 +71,18 @@ export class Spectator {
     addEventListener("message", this._message);
   }
 
-  /** `why`: why there is no view now, "" when there is. */
+  /**
+   * `why`: why there is no view now, "" when there is.
+   *
+   * @param {string} why
+   * @returns {void}
+   */
   show(why) {
     this.why = why;
     this._say();
   }
 
+  /** @returns {void} */
   close() {
     this.frame?.remove();
     this.frame = null;
@@ -73,7 +90,11 @@ export class Spectator {
     this._toggled(false);
   }
 
-  /** The page of the session is gone. */
+  /**
+   * The page of the session is gone.
+   *
+   * @returns {void}
+   */
   end() {
     removeEventListener("message", this._message);
     this.close();
@@ -85,7 +106,7 @@ export class Spectator {
       try {
         await this.api.desk();
       } catch (error) {
-        this.toasts.show(`The 3-D view could not be opened: ${error.message}`, { problem: true });
+        this.toasts.show(`The 3-D view could not be opened: ${problemText(error)}`, { problem: true });
         return;
       }
       this.connected = false;
@@ -102,6 +123,7 @@ export class Spectator {
     if (this.frame) this._toggled(true);
   }
 
+  /** @param {boolean} open */
   _toggled(open) {
     setText(this.toggle, open ? CLOSE : OPEN);
     this.toggle.setAttribute("aria-expanded", String(open));

@@ -1,8 +1,14 @@
 // What came of it: how many, questionnaire scores by condition, and the verdict over every trial, which can be overridden.
 
 import { freshId, h, icon, setText } from "../common/dom.js";
+import { problemText } from "../common/problem.js";
 import { ask } from "../common/shell.js";
+import { isRefused } from "./api.js";
 import { Report } from "./report.js";
+
+/** @import { QualityReply, SummaryReply, VerdictLine } from "../../tests/javascript/api.d.ts" */
+/** @import { Toasts } from "../common/shell.js" */
+/** @import { Api, Session } from "./api.js" */
 
 const PAGE = 25;
 const EVERY_MS = 10_000;
@@ -27,8 +33,16 @@ const COLUMNS = [
 ];
 
 export class Results {
+  /** @param {{ api: Api, toasts: Toasts }} wiring */
   constructor({ api, toasts }) {
-    Object.assign(this, { api, toasts, offset: 0, drawn: "" });
+    this.api = api;
+    this.toasts = toasts;
+    this.offset = 0;
+    this.drawn = "";
+    this.asked = 0;
+    this.stand = "";
+    this.timer = 0;
+    this.soon = 0;
     const showId = freshId("show-trials");
     this.show = h(
       "select",
@@ -87,6 +101,7 @@ export class Results {
     );
   }
 
+  /** @returns {void} */
   start() {
     this.stop();
     this.report.start();
@@ -94,6 +109,7 @@ export class Results {
     this.timer = setInterval(() => document.hidden || this.refresh(), EVERY_MS);
   }
 
+  /** @returns {void} */
   stop() {
     this.report.stop();
     clearInterval(this.timer);
@@ -101,9 +117,14 @@ export class Results {
     this.soon = 0;
   }
 
-  /** Looks again soon when somebody has come to or left a trial or its questionnaires. */
+  /**
+   * Looks again soon when somebody has come to or left a trial or its questionnaires.
+   *
+   * @param {Session[]} sessions
+   * @returns {void}
+   */
   follow(sessions) {
-    const counted = (place) => (place === "trial" || place === "survey" ? place : "");
+    const counted = (/** @type {string} */ place) => (place === "trial" || place === "survey" ? place : "");
     const stand = sessions.map(({ participant, trial, place }) => `${participant} ${trial} ${counted(place)}`).join();
     if (stand === this.stand) return;
     this.stand = stand;
@@ -113,36 +134,43 @@ export class Results {
     }, SOON_MS);
   }
 
+  /** @returns {Promise<void>} */
   async refresh() {
-    const asked = (this.asked = (this.asked ?? 0) + 1);
-    const query = new URLSearchParams({ offset: this.offset, limit: PAGE, show: this.show.value });
+    this.asked += 1;
+    const asked = this.asked;
+    const query = new URLSearchParams({ offset: `${this.offset}`, limit: `${PAGE}`, show: this.show.value });
     try {
       const [summary, quality] = await Promise.all([
-        this.api.get("/api/summary"),
-        this.api.get(`/api/quality?${query}`),
+        /** @type {Promise<SummaryReply>} */ (this.api.get("/api/summary")),
+        /** @type {Promise<QualityReply>} */ (this.api.get(`/api/quality?${query}`)),
       ]);
       if (asked !== this.asked) return;
       this.problem.hidden = true;
       this._draw(summary, quality);
     } catch (error) {
-      if (error.status === 401 || error.status === 403) return; // the page asks for the token
+      if (isRefused(error)) return; // the page asks for the token
       this.problem.hidden = false;
-      setText(this.problem, `Not up to date: ${error.message}`);
+      setText(this.problem, `Not up to date: ${problemText(error)}`);
     }
   }
 
+  /** @param {number} offset */
   _turn(offset) {
     this.offset = Math.max(0, offset);
     this.refresh();
   }
 
+  /**
+   * @param {SummaryReply} summary
+   * @param {QualityReply} quality
+   */
   _draw(summary, quality) {
     const text = JSON.stringify([summary, quality]);
     if (text === this.drawn) return; // the same elements stay, and with them focus
     this.drawn = text;
     const focused = this.body.contains(document.activeElement)
-      ? document.activeElement.closest("tr").dataset.trial
-      : null;
+      ? document.activeElement?.closest("tr")?.dataset.trial
+      : undefined;
     const { trials, alerts } = summary;
     setText(
       this.counts,
@@ -171,9 +199,16 @@ export class Results {
     );
     this.newer.disabled = quality.offset === 0;
     this.older.disabled = last >= quality.total;
-    if (focused) this.body.querySelector(`tr[data-trial="${CSS.escape(focused)}"] button`)?.focus();
+    if (focused !== undefined) {
+      const selector = `tr[data-trial="${CSS.escape(focused)}"] button`;
+      /** @type {HTMLButtonElement | null} */ (this.body.querySelector(selector))?.focus();
+    }
   }
 
+  /**
+   * @param {VerdictLine} line
+   * @returns {HTMLTableRowElement}
+   */
   _line(line) {
     const counts = line.override ?? line.quality;
     const why = line.override
@@ -223,6 +258,10 @@ export class Results {
     );
   }
 
+  /**
+   * @param {VerdictLine} line
+   * @param {"good" | "suspect"} verdict
+   */
   async _override(line, verdict) {
     const reason = await ask({
       testid: "override-dialog",
@@ -236,13 +275,15 @@ export class Results {
       await this.api.send(`/api/quality/${encodeURIComponent(line.participant)}/${line.trial}`, { verdict, reason });
       this.toasts.show(`Trial ${line.trial} of ${line.participant} counts as ${verdict}.`);
     } catch (error) {
-      this.toasts.show(error.message, { problem: true });
+      this.toasts.show(problemText(error), { problem: true });
     }
     await this.refresh();
   }
 }
 
+/** @type {(value: number | null, name: string) => string} */
 const unit = (value, name) => (value === null ? "–" : `${Math.round(value * 10) / 10}${name}`);
+/** @type {(names: string[]) => HTMLElement} */
 const head = (names) =>
   h(
     "thead",

@@ -3,8 +3,16 @@
 import { freshId, h } from "../common/dom.js";
 import { ask } from "../common/shell.js";
 
-const person = (participant) => `/api/participants/${encodeURIComponent(participant)}`;
+/** @import { EraseReply, LinkReply, RosterLine, RosterReply } from "../../tests/javascript/api.d.ts" */
+/** @import { Api } from "./api.js" */
 
+const person = (/** @type {string} */ participant) => `/api/participants/${encodeURIComponent(participant)}`;
+
+/**
+ * @param {Api} api
+ * @param {RosterLine} line
+ * @returns {Promise<string | null>} what was done, null when nothing was
+ */
 export async function reject(api, { participant }) {
   const reason = await ask({
     testid: "reject-dialog",
@@ -21,20 +29,28 @@ export async function reject(api, { participant }) {
   return `${participant}: rejected. The cell is free again.`;
 }
 
+/**
+ * @param {Api} api
+ * @param {RosterLine} line
+ * @param {RosterReply["withdrawal"]} consentSays
+ * @returns {Promise<string | null>}
+ */
 export async function withdraw(api, { participant }, consentSays) {
   const name = freshId("keep");
-  const choice = (value, label) =>
-    h(
-      "label",
-      { class: "option" },
-      h("input", { type: "radio", name, value, checked: value === consentSays, data: { testid: `withdraw-${value}` } }),
-      label,
-    );
+  const radio = (/** @type {RosterReply["withdrawal"]} */ value) =>
+    h("input", { type: "radio", name, value, checked: value === consentSays, data: { testid: `withdraw-${value}` } });
+  const kept = radio("keep");
+  const erased = radio("erase");
   const choices = h(
     "fieldset",
     { class: "question" },
     h("legend", {}, `What was recorded so far (the consent text says: ${consentSays})`),
-    h("div", { class: "options" }, choice("keep", "Keep it"), choice("erase", "Erase it for good")),
+    h(
+      "div",
+      { class: "options" },
+      h("label", { class: "option" }, kept, "Keep it"),
+      h("label", { class: "option" }, erased, "Erase it for good"),
+    ),
   );
   const reason = await ask({
     testid: "withdraw-dialog",
@@ -48,11 +64,16 @@ export async function withdraw(api, { participant }, consentSays) {
     field: { label: "Remark (optional, kept in the lab unless erased, never exported)", required: false },
   });
   if (reason === null) return null;
-  const keep = choices.querySelector("input:checked")?.value !== "erase";
+  const keep = !erased.checked;
   await api.send(`${person(participant)}/withdraw`, { reason: reason || null, keep });
   return `${participant}: withdrawn${keep ? "" : " and erased"}.`;
 }
 
+/**
+ * @param {Api} api
+ * @param {RosterLine} line
+ * @returns {Promise<string | null>}
+ */
 export async function erase(api, { participant }) {
   const typed = await ask({
     testid: "erase-dialog",
@@ -71,17 +92,32 @@ export async function erase(api, { participant }) {
     },
   });
   if (typed === null) return null;
+  /** @type {EraseReply} */
   const { overwritten } = await api.send(`${person(participant)}/erase`, { confirm: typed });
   return `${participant}: erased.${overwritten ? "" : " The space is overwritten at the next erasure, because another program was reading the data."}`;
 }
 
+/**
+ * @param {Api} api
+ * @param {RosterLine} line
+ * @returns {Promise<null>}
+ */
 export async function newLink(api, { participant }) {
+  /** @type {LinkReply} */
   const { link } = await api.send(`${person(participant)}/link`, {});
   await showQr(api, participant, link, `Another link of ${participant}`);
   return null;
 }
 
-/** A link to read, and as a QR code to scan. */
+/**
+ * A link to read, and as a QR code to scan.
+ *
+ * @param {Api} api
+ * @param {string} participant
+ * @param {string} link
+ * @param {string} [title]
+ * @returns {Promise<void>}
+ */
 export async function showQr(api, participant, link, title = `Link of ${participant}`) {
   const svg = await api.text("/api/qr", { link });
   const picture = h("img", {

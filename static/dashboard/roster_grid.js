@@ -2,6 +2,10 @@
 
 import { h, icon } from "../common/dom.js";
 
+/** @import { CellReply, GridReply } from "../../tests/javascript/api.d.ts" */
+/** @import { IconName } from "../common/dom.js" */
+
+/** @type {Record<CellReply["cell"], [sign: IconName, words: string]>} */
 const CELLS = {
   done: ["check", "complete"],
   under_way: ["play", "under way"],
@@ -9,6 +13,10 @@ const CELLS = {
 };
 const SHOWN = 24;
 
+/**
+ * @param {GridReply[]} rows
+ * @returns {HTMLTableElement}
+ */
 export function gridTable(rows) {
   const most = Math.max(1, ...rows.map((row) => row.cells.length));
   const body = rows.map((row) =>
@@ -51,6 +59,10 @@ export function gridTable(rows) {
   );
 }
 
+/**
+ * @param {CellReply[]} cells
+ * @returns {HTMLElement}
+ */
 function chips(cells) {
   const shown = cells.slice(-SHOWN);
   const left = cells.length - shown.length;
@@ -71,6 +83,7 @@ function chips(cells) {
   );
 }
 
+/** @returns {HTMLElement} */
 export function legend() {
   return h(
     "p",

@@ -2,12 +2,17 @@
 
 import { h, icon, setText, whileBusy } from "../common/dom.js";
 import { safeLink } from "../common/links.js";
+import { problemText } from "../common/problem.js";
 import { labUrl } from "../common/root.js";
 import { card } from "../common/shell.js";
+
+/** @import { JoinReply } from "../../tests/javascript/api.d.ts" */
+/** @import { IconName } from "../common/dom.js" */
 
 const main = h("main", { id: "main", tabindex: "-1" });
 const title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
 
+/** @type {Partial<Record<JoinReply["state"], [title: string, sign: IconName, lines: string[]]>>} */
 const WORDS = {
   back: ["Welcome back", "hourglass", ["You are where you left it."]],
   full: ["All places are taken", "info", []],
@@ -34,14 +39,23 @@ const WORDS = {
   ],
 };
 
+/**
+ * @param {string} path
+ * @param {RequestInit} [options]
+ * @returns {Promise<JoinReply>}
+ */
 async function asked(path, options = {}) {
   const answer = await fetch(labUrl(path), { cache: "no-store", ...options });
+  /** @type {JoinReply | { detail: unknown }} */
   const reply = await answer.json();
-  if (!reply.state)
-    throw new Error(typeof reply.detail === "string" ? reply.detail : "the lab did not understand the link");
-  return reply;
+  if ("state" in reply) return reply;
+  throw new Error(typeof reply.detail === "string" ? reply.detail : "the lab did not understand the link");
 }
 
+/**
+ * @param {JoinReply} reply
+ * @returns {void}
+ */
 function show(reply) {
   setText(title, reply.title);
   document.title = reply.title;
@@ -62,16 +76,21 @@ function show(reply) {
   main.replaceChildren(
     card({ title: heading, sign, lines: words, actions, body: problem, testid: `page-join-${reply.state}` }),
   );
-  main.querySelector("h1").focus({ preventScroll: true });
+  main.querySelector("h1")?.focus({ preventScroll: true });
 }
 
+const problemWords = h("span", {});
 const problem = h(
   "p",
   { class: "field-error", role: "alert", hidden: true, data: { testid: "join-problem" } },
   icon("warning"),
-  h("span", {}),
+  problemWords,
 );
 
+/**
+ * @param {string} label
+ * @returns {HTMLButtonElement}
+ */
 function beginButton(label) {
   const button = h("button", { type: "button", class: "primary large", data: { testid: "join-begin" } }, label);
   button.addEventListener("click", () =>
@@ -89,7 +108,7 @@ function beginButton(label) {
         if (reply.page) location.replace(reply.page);
         else show(reply);
       } catch (error) {
-        setText(problem.lastChild, `That did not work: ${error.message}`);
+        setText(problemWords, `That did not work: ${problemText(error)}`);
         problem.hidden = false;
       }
     }),

@@ -7,7 +7,20 @@ import { AlertView } from "../readings/alert.js";
 import { Sound } from "../readings/sound.js";
 import { LabSocket } from "../wire/socket.js";
 
+/** @import { IconName } from "../common/dom.js" */
+/** @import { ConnectionState } from "../common/shell.js" */
+
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
+/** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
+const CONNECTION = {
+  connecting: ["lost", "Connecting"],
+  closed: ["lost", "Connecting"],
+  open: ["check", "Connected"],
+  lost: ["lost", "Connection lost – trying again"],
+  superseded: ["warning", "Open on another device"],
+  denied: ["warning", "Link not valid"],
+  outdated: ["warning", "Page out of date"],
+};
 const RESULTS = {
   answered: "Reading saved.",
   expired: "Time ran out for the last reading.",
@@ -53,29 +66,28 @@ const waiting = h(
 );
 const main = h("main", { id: "main" }, locked, waiting, alert.element);
 
+/** @type {HTMLElement | null} */
 let ended = null;
 let started = false; // the button was pressed: sound is known to come through
 
+/** @returns {void} */
 function refresh() {
   const open = alert.covering && !alert.concealed;
   locked.hidden = ended !== null || started || open;
   waiting.hidden = ended !== null || !started || open;
-  const words = {
-    open: ["check", "Connected"],
-    superseded: ["warning", "Open on another device"],
-    denied: ["warning", "Link not valid"],
-    outdated: ["warning", "Page out of date"],
-  };
-  const [sign, text] = words[socket.state] ?? [
-    "lost",
-    socket.state === "lost" ? "Connection lost – trying again" : "Connecting",
-  ];
+  const [sign, text] = CONNECTION[socket.state];
   connection.dataset.state = socket.state;
   if (connection.dataset.text === text) return;
   connection.dataset.text = text;
   connection.replaceChildren(icon(sign), h("span", {}, text));
 }
 
+/**
+ * @param {string} title
+ * @param {string} line
+ * @param {HTMLElement | null} [action]
+ * @returns {void}
+ */
 function finish(title, line, action = null) {
   ended?.remove();
   ended = card({ title, lines: [line], sign: "check", testid: "panel-ended", actions: action ? [action] : [] });
@@ -84,6 +96,7 @@ function finish(title, line, action = null) {
   refresh();
 }
 
+/** @returns {void} */
 function reopen() {
   ended?.remove();
   ended = null;
@@ -92,7 +105,7 @@ function reopen() {
 
 alert.addEventListener("open", refresh);
 alert.addEventListener("released", (event) => {
-  setText(last, RESULTS[event.detail] ?? "");
+  setText(last, event.detail ? RESULTS[event.detail] : "");
   refresh();
 });
 sound.addEventListener("state", refresh);

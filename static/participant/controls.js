@@ -4,6 +4,10 @@ import { h } from "../common/dom.js";
 import { LEGEND } from "../hands/keyboard.js";
 import { controlName } from "../hands/mapping.js";
 
+/** @import { Input } from "../hands/input.js" */
+/** @import { Action, Mapping } from "../hands/mapping.js" */
+
+/** @type {[what: string, ...actions: Action[]][]} */
 const PAIRS = [
   ["Forward, back", "forward", "back"],
   ["Left, right", "left", "right"],
@@ -11,9 +15,13 @@ const PAIRS = [
   ["Grip, let go", "close", "open"],
 ];
 
-const key = (text) => h("kbd", {}, text);
+const key = (/** @type {string} */ text) => h("kbd", {}, text);
 
-/** A table of keys; both columns do the same. */
+/**
+ * A table of keys; both columns do the same.
+ *
+ * @returns {HTMLTableElement}
+ */
 export function keyboardLegend() {
   return h(
     "table",
@@ -29,7 +37,12 @@ export function keyboardLegend() {
   );
 }
 
-/** A table of the learned controls of a pad. */
+/**
+ * A table of the learned controls of a pad.
+ *
+ * @param {Mapping} mapping
+ * @returns {HTMLTableElement}
+ */
 export function padLegend(mapping) {
   return h(
     "table",
@@ -54,7 +67,12 @@ export function padLegend(mapping) {
   );
 }
 
-/** The legend of the device in use. */
+/**
+ * The legend of the device in use.
+ *
+ * @param {Input} input
+ * @returns {HTMLTableElement}
+ */
 export function legendFor(input) {
   return input.device === "gamepad" && input.pads.mapping ? padLegend(input.pads.mapping) : keyboardLegend();
 }

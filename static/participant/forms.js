@@ -1,14 +1,32 @@
 // The pages made of text and questions: consent, demographics, instructions, break, debrief, end.
 
-import { freshId, h, icon, whileBusy } from "../common/dom.js";
+import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
 import { safeLink } from "../common/links.js";
 import { ask, card, stepButton } from "../common/shell.js";
 import { tab } from "../common/store.js";
 import { checkAll, question, showRefusals, valuesOf } from "./questions.js";
 
-const paragraphs = (lines) => (lines ?? []).map((line) => h("p", {}, line));
+/** @import { IconName } from "../common/dom.js" */
+/** @import { Submit } from "../../tests/javascript/wire.d.ts" */
+/** @import { LabSocket } from "../wire/socket.js" */
+/** @import { Answer, Asked, Question } from "./questions.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
 
-/** A form whose answers survive a reload. `done` submits; refusals for single questions are shown beside them. */
+/** @type {(lines: string[]) => HTMLElement[]} */
+const paragraphs = (lines) => lines.map((line) => h("p", {}, line));
+
+/**
+ * A form whose answers survive a reload. Refusals for single questions are shown beside them.
+ *
+ * @param {object} form
+ * @param {LabSocket} form.socket
+ * @param {Question[]} form.questions
+ * @param {string} form.submitText
+ * @param {Submit["step"]} form.step
+ * @param {string} form.key what the answers are kept under
+ * @param {string} form.testid
+ * @returns {{ form: HTMLFormElement, close: () => void }}
+ */
 function questionForm({ socket, questions, submitText, step, key, testid }) {
   const button = h("button", { type: "submit", class: "primary large", data: { testid } }, submitText);
   const form = h(
@@ -33,15 +51,25 @@ function questionForm({ socket, questions, submitText, step, key, testid }) {
   return { form, close: showRefusals(socket, questions) };
 }
 
-function keptQuestions(items, key, shape) {
-  const kept = tab.get(key, {});
-  const onChange = (id, value) => {
+/**
+ * @param {Asked[]} items
+ * @param {string} key what the answers are kept under
+ * @returns {Question[]}
+ */
+function keptQuestions(items, key) {
+  const kept = tab.get(key, /** @type {Record<string, Answer>} */ ({}));
+  const onChange = (/** @type {string} */ id, /** @type {Answer} */ value) => {
     kept[id] = value;
     tab.set(key, kept);
   };
-  return items.map((item) => question({ ...item, ...shape(item) }, { kept: kept[item.id] ?? null, onChange }));
+  return items.map((item) => question(item, { kept: kept[item.id] ?? null, onChange }));
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<{ title: string, text: string[], contact: string, hash: string }>} page
+ * @returns {View}
+ */
 export function consentView({ socket }, page) {
   const { title, text, contact, hash } = page.content;
   const boxId = freshId("agree");
@@ -52,7 +80,9 @@ export function consentView({ socket }, page) {
     icon("warning"),
     h("span", {}, "Tick the box above if you agree, or choose not to take part."),
   );
-  box.addEventListener("change", () => (error.hidden = true));
+  box.addEventListener("change", () => {
+    error.hidden = true;
+  });
   const agree = h(
     "button",
     { type: "submit", class: "primary large", data: { testid: "consent-agree" } },
@@ -101,12 +131,14 @@ export function consentView({ socket }, page) {
   return { element };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<{ items: Asked[] }>} page
+ * @returns {View}
+ */
 export function demographicsView({ socket, session }, page) {
   const key = `${session}:demographics`;
-  const questions = keptQuestions(page.content.items, key, (item) => ({
-    kind: item.kind ?? "choice",
-    required: item.required !== false,
-  }));
+  const questions = keptQuestions(page.content.items, key);
   const { form, close } = questionForm({
     socket,
     questions,
@@ -124,10 +156,15 @@ export function demographicsView({ socket, session }, page) {
   return { element, close };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<{ text: string[], questions: Asked[] }>} page
+ * @returns {View}
+ */
 export function instructionsView({ socket, session }, page) {
   const key = `${session}:instructions`;
   const { text, questions: items } = page.content;
-  const questions = keptQuestions(items ?? [], key, () => ({ kind: "choice", required: true }));
+  const questions = keptQuestions(items, key);
   const { form, close } = questionForm({
     socket,
     questions,
@@ -146,7 +183,7 @@ export function instructionsView({ socket, session }, page) {
       h(
         "ol",
         { class: "prose steps" },
-        (text ?? []).map((line) => h("li", {}, line)),
+        text.map((line) => h("li", {}, line)),
       ),
       h(
         "div",
@@ -160,6 +197,11 @@ export function instructionsView({ socket, session }, page) {
   return { element, close };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<{ text: string[], next_trial: number }>} page
+ * @returns {View}
+ */
 export function breakView({ socket }, page) {
   const { text, next_trial } = page.content;
   const element = card({
@@ -180,9 +222,19 @@ export function breakView({ socket }, page) {
   return { element };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<{ text: string[], questions: Asked[] }>} page
+ * @returns {View}
+ */
 export function debriefView({ socket, session }, page) {
   const key = `${session}:debrief`;
-  const questions = keptQuestions(page.content.questions ?? [], key, () => ({ kind: "long", required: false }));
+  const items = page.content.questions.map((item) => ({
+    ...item,
+    kind: /** @type {const} */ ("long"),
+    required: false,
+  }));
+  const questions = keptQuestions(items, key);
   const { form, close } = questionForm({
     socket,
     questions,
@@ -199,6 +251,7 @@ export function debriefView({ socket, session }, page) {
   return { element, close };
 }
 
+/** @type {Record<string, [title: string, sign: IconName]>} */
 const ENDS = {
   done: ["Thank you", "check"],
   withdrawn: ["You have stopped taking part", "hand"],
@@ -208,23 +261,32 @@ const ENDS = {
 
 const FORWARD_S = 10;
 
-/** The last page. Its link appears when the lab has everything this browser still kept for it, and not before. */
+/**
+ * The last page. Its link appears when the lab has everything this browser still kept for it, and not before.
+ *
+ * @param {Context} context
+ * @param {PageOf<{ text: string[], completion_link: string | null }>} page
+ * @returns {View}
+ */
 export function endView({ socket, session }, page) {
   const [title, sign] = ENDS[page.state];
   const link = page.content.completion_link ? safeLink(page.content.completion_link) : null;
   const last = h("div", { class: "last-words" });
   let timer = 0;
+  /** @type {boolean | null} */
   let saved = null;
 
-  function forward() {
+  /** @param {string} link */
+  function forward(link) {
     const key = `${session}:forwarded`; // once: who comes back to this page wants to read it
     const onward = h(
       "a",
       { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } },
       page.state === "done" ? "Continue to the completion page" : "Continue",
     );
-    last.replaceChildren(h("div", { class: "actions" }, onward));
-    if (page.state !== "done" || tab.get(key)) return;
+    const actions = h("div", { class: "actions" }, onward);
+    last.replaceChildren(actions);
+    if (page.state !== "done" || tab.get(key, false)) return;
     let left = FORWARD_S;
     const words = h("p", { class: "hint", data: { testid: "forward-words" } });
     const stay = h(
@@ -232,7 +294,7 @@ export function endView({ socket, session }, page) {
       { type: "button", class: "secondary large", data: { testid: "forward-stay" } },
       "Stay on this page",
     );
-    const say = () => (words.textContent = `You are taken there in ${left} seconds.`);
+    const say = () => setText(words, `You are taken there in ${left} seconds.`);
     stay.addEventListener("click", () => {
       clearInterval(timer);
       words.remove();
@@ -249,7 +311,7 @@ export function endView({ socket, session }, page) {
     }, 1000);
     say();
     last.append(words);
-    last.firstChild.append(stay);
+    actions.append(stay);
   }
 
   function update() {
@@ -265,36 +327,35 @@ export function endView({ socket, session }, page) {
           "Your last answers are on their way. Please keep this page open until this line is gone.",
         ),
       );
-    else if (link) forward();
+    else if (link) forward(link);
     else last.replaceChildren();
   }
-  const stayHere = (event) => saved || event.preventDefault();
-  for (const name of ["ack", "refused"]) socket.addEventListener(name, update);
+  const stayHere = (/** @type {BeforeUnloadEvent} */ event) => saved || event.preventDefault();
+  const deafen = [socket.on("ack", update), socket.on("refused", update)];
   addEventListener("beforeunload", stayHere);
   update();
   const element = card({ title, sign, lines: page.content.text, testid: `page-${page.state}`, body: last });
   const close = () => {
     clearInterval(timer);
-    for (const name of ["ack", "refused"]) socket.removeEventListener(name, update);
+    for (const stop of deafen) stop();
     removeEventListener("beforeunload", stayHere);
   };
   return { element, close };
 }
 
-const CAUSES = {
-  connection: "The connection to your browser was interrupted, so everything was stopped at once. Nothing is lost.",
-  experimenter: "The experimenter has paused the session. It goes on when they say so.",
-};
-
-/** The pause, as a page of its own or over the stopped scene. */
-export function pausedBody({ socket }, page) {
-  const { causes = [], can_resume, text } = page.content;
-  const known = causes.map((cause) => CAUSES[cause]).filter(Boolean);
-  const lines = text ? (Array.isArray(text) ? text : [text]) : known;
-  return card({
+/**
+ * The pause, as a page of its own or over the stopped scene.
+ *
+ * @param {Context} context
+ * @param {PageOf<{ can_resume: boolean, text: string }>} page
+ * @returns {View}
+ */
+export function pausedView({ socket }, page) {
+  const { can_resume, text } = page.content;
+  const element = card({
     title: "Paused",
     sign: "pause",
-    lines: lines.length ? lines : ["The session is paused."],
+    lines: [text],
     testid: "page-paused",
     actions: can_resume
       ? [
@@ -316,4 +377,5 @@ export function pausedBody({ socket }, page) {
           ),
         ],
   });
+  return { element };
 }

@@ -18,11 +18,18 @@ import {
   demographicsView,
   endView,
   instructionsView,
-  pausedBody,
+  pausedView,
 } from "./forms.js";
 import { setupView } from "./setup.js";
 import { surveyView } from "./survey.js";
 
+/** @import { Page } from "../../tests/javascript/wire.d.ts" */
+/** @import { ConnectionState, Question } from "../common/shell.js" */
+/** @import { DrivingPage, PausedPage } from "./drive.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
+/** @typedef {(context: Context, page: PageOf<never>) => View} MakesView each takes the content of its own state */
+
+/** @type {Record<string, MakesView>} */
 const VIEWS = {
   eligibility: eligibilityView,
   consent: consentView,
@@ -36,6 +43,7 @@ const VIEWS = {
   withdrawn: endView,
   aborted: endView,
   screened_out: endView,
+  paused: pausedView,
 };
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
@@ -47,11 +55,19 @@ const keyboard = new Keyboard();
 const pads = new Pads();
 const input = new Input({ socket, keyboard, pads, session });
 const shell = new Shell({ socket, onHelp: help, onStop: stop });
+/** @type {Context} */
 const context = { session, socket, sound, keyboard, pads, input, closeDialogs };
 
-let view = null; // {element, close?} or a DriveView
+/** @type {View | null} */
+let view = null;
+/** @type {string | null} */
 let shown = null; // identity of what is on the page
 
+/**
+ * @param {View} next
+ * @param {string} identity
+ * @returns {void}
+ */
 function replace(next, identity) {
   if (next !== view) view?.close?.();
   view = next;
@@ -65,37 +81,54 @@ function replace(next, identity) {
   }
 }
 
+/**
+ * Whether the scene is on the screen: while there is a robot to see, and in a pause that began there.
+ *
+ * @param {Page} page
+ * @returns {page is DrivingPage | PausedPage}
+ */
+function isDriving(page) {
+  if (page.state === "paused") return view instanceof DriveView || Boolean(page.content.scene);
+  return DRIVING.has(page.state);
+}
+
+/**
+ * @param {Page} page
+ * @returns {void}
+ */
 function showPage(page) {
   shell.rest(OVER.has(page.state));
   shell.offer({
     help: !OVER.has(page.state),
     stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility",
   });
-  if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
-    if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");
-    view.show(page);
+  if (isDriving(page)) {
+    const drive = view instanceof DriveView ? view : new DriveView(context);
+    if (view !== drive) replace(drive, "drive");
+    drive.show(page);
     return;
   }
   const identity = `${page.state}:${page.trial}:${JSON.stringify(page.content)}`;
   if (identity === shown) return; // the same page again after a reconnect: what was typed stays
-  if (page.state === "paused") replace({ element: pausedBody(context, page) }, identity);
-  else if (VIEWS[page.state]) replace(VIEWS[page.state](context, page), identity);
-  else
-    replace(
-      {
-        element: card({
-          title: "One moment",
-          lines: [`The study is in a part this page does not know (${page.state}). Please reload the page.`],
-        }),
-      },
-      identity,
-    );
+  const makesView = VIEWS[page.state] ?? unknownView;
+  replace(makesView(context, /** @type {PageOf<never>} */ (page)), identity);
 }
 
+/** @type {MakesView} */
+function unknownView(_context, { state }) {
+  const line = `The study is in a part this page does not know (${state}). Please reload the page.`;
+  return { element: card({ title: "One moment", lines: [line] }) };
+}
+
+/** @returns {void} */
 function closeDialogs() {
-  for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
+  for (const dialog of document.querySelectorAll("dialog")) dialog.close();
 }
 
+/**
+ * @param {Question} question
+ * @returns {Promise<string | null>}
+ */
 async function withDialog(question) {
   view?.dialog?.(true);
   try {
@@ -142,6 +175,10 @@ async function stop() {
   if (reason !== null) socket.submit("withdraw", { reason: reason || null }).catch(() => {});
 }
 
+/**
+ * @param {ConnectionState} state
+ * @returns {void}
+ */
 function final(state) {
   const again = h(
     "button",
@@ -154,6 +191,7 @@ function final(state) {
   });
   const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
   reload.addEventListener("click", () => location.reload());
+  /** @type {Partial<Record<ConnectionState, Parameters<typeof card>[0]>>} */
   const pages = {
     superseded: {
       title: "The study is open in another tab",
@@ -174,13 +212,20 @@ function final(state) {
       testid: "page-outdated",
     },
   };
-  if (!pages[state]) return;
+  const words = pages[state];
+  if (!words) return;
   closeDialogs();
   shell.offer({ help: false, stop: false });
-  replace({ element: card({ sign: "warning", ...pages[state] }) }, state);
+  replace({ element: card({ sign: "warning", ...words }) }, state);
 }
 
-/** The lab's messages about a field go on from its name ("must be …"). */
+/**
+ * The lab's messages about a field go on from its name ("must be …").
+ *
+ * @param {string | null} field
+ * @param {string} message
+ * @returns {string}
+ */
 function sentence(field, message) {
   return field && /^[a-z]/.test(message) ? `${field} ${message}` : message;
 }
@@ -226,7 +271,7 @@ replace(
 );
 socket.connect();
 
-/** For tests, and for whoever opens the console. */
+// For tests, and for whoever opens the console.
 window.salab = {
   socket,
   input,

@@ -2,23 +2,29 @@
 
 import { h, s } from "../common/dom.js";
 
-const BLUE = "#0072b2",
-  SKY = "#56b4e9",
-  GREEN = "#009e73",
-  YELLOW = "#f0cd32",
-  VERMILION = "#d55e00";
-const MAGENTA = "#cc79a7",
-  WHITE = "#f6f6f2",
-  CREAM = "#ece4d0",
-  CARDBOARD = "#a0764c",
-  DARK = "#2c323a",
-  STEEL = "#969ea6";
+/** @import { Instruction } from "../../tests/javascript/wire.d.ts" */
+
+const BLUE = "#0072b2";
+const SKY = "#56b4e9";
+const GREEN = "#009e73";
+const YELLOW = "#f0cd32";
+const VERMILION = "#d55e00";
+const MAGENTA = "#cc79a7";
+const WHITE = "#f6f6f2";
+const CREAM = "#ece4d0";
+const CARDBOARD = "#a0764c";
+const DARK = "#2c323a";
+const STEEL = "#969ea6";
 const ORANGE = "#e68c00";
 
+/** @type {(x: number, y: number, width: number, height: number, fill: string, rx?: number) => SVGRectElement} */
 const rect = (x, y, width, height, fill, rx = 0) => s("rect", { x, y, width, height, rx, fill });
+/** @type {(d: string, fill: string) => SVGPathElement} */
 const path = (d, fill) => s("path", { d, fill });
+/** @type {(cx: number, cy: number, rx: number, ry: number, fill: string) => SVGEllipseElement} */
 const oval = (cx, cy, rx, ry, fill) => s("ellipse", { cx, cy, rx, ry, fill });
 
+/** @type {Record<string, () => SVGElement[]>} by the id of an object or a bin */
 const DRAWINGS = {
   spray_bottle: () => [
     path("M35 44h30l3 8v56q0 5-5 5H37q-5 0-5-5V52z", SKY),
@@ -94,6 +100,11 @@ const DRAWINGS = {
   right_bin: () => bin(ORANGE, "R"),
 };
 
+/**
+ * @param {string} color
+ * @param {"L" | "R"} letter
+ * @returns {SVGElement[]}
+ */
 function bin(color, letter) {
   return [
     path("M10 30h80l-8 78q-.5 4-5 4H23q-4.500 0-5-4z", color),
@@ -132,7 +143,12 @@ const unknown = () => [
   ),
 ];
 
-/** A drawing of an object or bin; an unknown id gets a neutral box. The words beside it name it. */
+/**
+ * A drawing of an object or bin; an unknown id gets a neutral box. The words beside it name it.
+ *
+ * @param {string} id
+ * @returns {SVGSVGElement}
+ */
 export function drawing(id) {
   const parts = (Object.hasOwn(DRAWINGS, id) ? DRAWINGS[id] : unknown)();
   const outline = { stroke: "#1d2530", "stroke-opacity": 0.55, "stroke-width": 1.2 };
@@ -143,25 +159,27 @@ export function drawing(id) {
   );
 }
 
-/** What an instruction is about: the object, and the bin once one is named; the one that matters now is framed. */
+/**
+ * What an instruction is about: the object, and the bin once one is named; the one that matters now is framed.
+ *
+ * @param {Pick<Instruction, "kind" | "object" | "object_label" | "bin" | "bin_label">} instruction
+ * @returns {Element[]}
+ */
 export function instructionPicture({ kind, object, object_label, bin: into, bin_label }) {
-  const figure = (id, label, now) =>
-    id &&
+  const figure = (/** @type {string} */ id, /** @type {string | null} */ label, /** @type {boolean} */ now) =>
     h(
       "figure",
       { class: now ? "stage now" : "stage" },
       drawing(id),
       h("figcaption", {}, label ?? id.replaceAll("_", " ")),
     );
-  const arrow =
-    object &&
-    into &&
+  const arrow = () =>
     s(
       "svg",
       { class: "arrow", viewBox: "0 0 24 24", "aria-hidden": "true" },
       s("path", { d: "M3 10.5h11V5l7 7-7 7v-5.500H3z" }),
     );
-  return [figure(object, object_label, kind !== "dropoff"), arrow, figure(into, bin_label, kind === "dropoff")].filter(
-    Boolean,
-  );
+  const first = object === null ? [] : [figure(object, object_label, kind !== "dropoff")];
+  const second = into === null ? [] : [figure(into, bin_label, kind === "dropoff")];
+  return [...first, ...(first.length && second.length ? [arrow()] : []), ...second];
 }

@@ -9,6 +9,31 @@ import { DEAD_ZONE } from "../hands/mapping.js";
 import { keyboardLegend, padLegend } from "./controls.js";
 import { indicator } from "./indicator.js";
 
+/** @import { Child } from "../common/dom.js" */
+/** @import { ChosenDevice } from "../hands/keyboard.js" */
+/** @import { Mapping } from "../hands/mapping.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
+/**
+ * @typedef {object} Content
+ * @property {"second_device" | "same_page_away" | "none"} placement
+ * @property {string | null} panel_link
+ * @property {"any" | "preferred" | "required"} [gamepad]
+ * @property {boolean} [needs_sound]
+ */
+/**
+ * @typedef {object} Chosen
+ * @property {ChosenDevice["device"] | null} device
+ * @property {string | null} padId
+ * @property {Mapping | null} mapping
+ * @property {number} deadZone
+ * @property {boolean | null} sound null until the person has said whether they hear it
+ */
+
+/**
+ * @param {number} number
+ * @param {string} title
+ * @param {string} testid
+ */
 function section(number, title, testid) {
   const state = h("span", { class: "done-mark", role: "status" });
   const body = h("div", {});
@@ -18,16 +43,21 @@ function section(number, title, testid) {
     h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state),
     body,
   );
-  const done = (text) => {
+  const done = (/** @type {string} */ text) => {
     state.replaceChildren(...(text ? [icon("check"), text] : []));
     element.classList.toggle("done", Boolean(text));
   };
   return { element, body, done };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<Content>} page
+ * @returns {View}
+ */
 export function setupView({ socket, input, pads, keyboard, sound }, page) {
   const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
-  const closers = [];
+  /** @type {Chosen} */
   const chosen = {
     device: input.chosen,
     padId: pads.padId,
@@ -41,40 +71,41 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
 
   const driveDetail = h("div", { class: "setup-detail" });
-  const cards = [
-    [
-      "gamepad",
-      "Gamepad",
-      `${gamepad === "preferred" ? "Recommended. " : ""}Any pad with a stick or a cross, and a few buttons`,
-    ],
+  const recommended = gamepad === "preferred" ? "Recommended. " : "";
+  /** @type {[device: ChosenDevice["device"], label: string, hint: string][]} */
+  const devices = [
+    ["gamepad", "Gamepad", `${recommended}Any pad with a stick or a cross, and a few buttons`],
     ["keyboard", "Keyboard", "Letters or arrow keys"],
-  ]
+  ];
+  const radios = devices
     .filter(([device]) => device === "gamepad" || gamepad !== "required")
     .map(([device, label, hint]) => {
       const radio = h("input", { type: "radio", name: "device", value: device });
       radio.checked = chosen.device === device;
       radio.addEventListener("change", () => choose(device));
-      return h(
+      const element = h(
         "label",
         { class: "device-card", data: { testid: `device-${device}` } },
         radio,
         icon(device),
         h("span", {}, h("strong", {}, label), h("small", {}, hint)),
       );
+      return { radio, element };
     });
-  const driveError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}));
+  const driveErrorText = h("span", {});
+  const driveError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), driveErrorText);
   drive.body.append(
-    h("fieldset", { class: "device-cards" }, h("legend", { class: "visually-hidden" }, "Controls"), cards),
+    h(
+      "fieldset",
+      { class: "device-cards" },
+      h("legend", { class: "visually-hidden" }, "Controls"),
+      radios.map((one) => one.element),
+    ),
     driveDetail,
     driveError,
   );
 
-  function ready() {
-    return (
-      chosen.device === "keyboard" || (chosen.device === "gamepad" && chosen.mapping !== null && chosen.padId !== null)
-    );
-  }
-
+  /** @param {ChosenDevice["device"]} device */
   function choose(device) {
     chosen.device = device;
     driveError.hidden = true;
@@ -82,7 +113,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     if (device === "keyboard") {
       input.choose("keyboard");
       showTest(keyboardLegend());
-    } else if (chosen.mapping && chosen.padId && pads.find(chosen.padId)) padReady();
+    } else if (chosen.mapping && chosen.padId && pads.find(chosen.padId)) padReady(chosen.padId, chosen.mapping);
     else startCalibration();
   }
 
@@ -99,16 +130,19 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       onDone: ({ padId, mapping, deadZone }) => {
         Object.assign(chosen, { padId, mapping, deadZone });
         remember(padId, mapping, deadZone);
-        padReady();
+        padReady(padId, mapping);
       },
     });
     stopDetail = steps.close;
     driveDetail.replaceChildren(steps.element);
   }
 
-  function padReady() {
+  /**
+   * @param {string} padId
+   * @param {Mapping} mapping
+   */
+  function padReady(padId, mapping) {
     stopDetail();
-    const { padId, mapping } = chosen;
     input.choose("gamepad", { padId, mapping, deadZone: chosen.deadZone });
     const zone = h("input", {
       type: "range",
@@ -143,6 +177,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     showTest([padLegend(mapping), dead, again]);
   }
 
+  /** @param {Child} legend */
   function showTest(legend) {
     const hands = indicator(input);
     const press = h(
@@ -150,8 +185,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       { class: "test-gripper", role: "status", data: { testid: "test-gripper" } },
       "Gripper: nothing pressed yet",
     );
-    const onGripper = (event) => setText(press, `Gripper: ${event.detail} pressed`);
-    input.addEventListener("gripper", onGripper);
+    const deafen = input.on("gripper", (event) => setText(press, `Gripper: ${event.detail} pressed`));
     const area = h(
       "div",
       {
@@ -179,7 +213,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     stopDetail = () => {
       keyboard.listen(null);
       hands.close();
-      input.removeEventListener("gripper", onGripper);
+      deafen();
       stopDetail = () => {};
     };
   }
@@ -209,7 +243,8 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
   );
   play.addEventListener("click", async () => {
     const sounded = await sound.alarm();
-    yes.hidden = no.hidden = false;
+    yes.hidden = false;
+    no.hidden = false;
     setText(
       heard,
       sounded
@@ -219,6 +254,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
   });
   yes.addEventListener("click", () => sayHeard(true));
   no.addEventListener("click", () => sayHeard(false));
+  /** @param {boolean} value */
   function sayHeard(value) {
     chosen.sound = value;
     hearError.hidden = true;
@@ -265,16 +301,17 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
 
   const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, "Continue");
   go.addEventListener("click", () => {
-    if (!ready()) {
+    const { device, padId, mapping } = chosen;
+    if (!device || (device === "gamepad" && !(padId && mapping))) {
       driveError.hidden = false;
       setText(
-        driveError.lastChild,
-        chosen.device === "gamepad"
+        driveErrorText,
+        device === "gamepad"
           ? "Finish setting up the gamepad first, or choose the keyboard."
           : "Choose gamepad or keyboard first.",
       );
       drive.element.scrollIntoView({ block: "center" });
-      drive.element.querySelector("input:checked, input").focus({ preventScroll: true });
+      (radios.find((one) => one.radio.checked) ?? radios[0]).radio.focus({ preventScroll: true });
       return;
     }
     if (chosen.sound === null && placement !== "none") {
@@ -282,11 +319,11 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       play.focus();
       return;
     }
-    const gamepad = chosen.device === "gamepad";
+    const byPad = device === "gamepad";
     const data = {
-      device: chosen.device,
-      pad_id: gamepad ? chosen.padId.slice(0, 200) : null,
-      mapping: gamepad ? chosen.mapping : {},
+      device,
+      pad_id: byPad && padId ? padId.slice(0, 200) : null,
+      mapping: byPad ? mapping : {},
       dead_zone: chosen.deadZone,
       sound: chosen.sound === true,
     };
@@ -301,9 +338,9 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     body: [...steps, h("div", { class: "actions" }, go)],
   });
   if (chosen.device) choose(chosen.device);
-  closers.push(
-    () => stopDetail(),
-    () => sound.silence(),
-  );
-  return { element, close: () => closers.forEach((close) => close()) };
+  const close = () => {
+    stopDetail();
+    sound.silence();
+  };
+  return { element, close };
 }

@@ -3,10 +3,21 @@
 import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
 import { tab } from "../common/store.js";
 
+/** @import { Context, PageOf, View } from "./view.js" */
+/** @typedef {{ id: string, text: string, low: string, high: string }} Item */
+/** @typedef {{ id: string, title: string, intro: string, source: string, points: number, items: Item[] }} Instrument */
+/** @typedef {Record<string, Record<string, number>>} Answers by instrument and item */
+
+/**
+ * @param {Context} context
+ * @param {PageOf<{ instruments: Instrument[] }>} page
+ * @returns {View}
+ */
 export function surveyView({ socket, session }, page) {
   const { instruments } = page.content;
   const key = `${session}:survey:${page.trial ?? 0}`;
-  const answers = tab.get(key, {});
+  const answers = tab.get(key, /** @type {Answers} */ ({}));
+  /** @type {ReturnType<typeof itemRow>[]} */
   const rows = [];
   const heading = h("h1", { tabindex: "-1" }, "How was it?");
   const summary = h("div", {
@@ -25,14 +36,15 @@ export function surveyView({ socket, session }, page) {
 
   const sections = instruments.map((instrument) => {
     answers[instrument.id] ??= {};
+    const given = answers[instrument.id];
     return h(
       "section",
       { class: "instrument", data: { testid: `instrument-${instrument.id}` } },
       h("h2", {}, instrument.title),
       h("p", { class: "intro" }, instrument.intro),
       instrument.items.map((item) => {
-        const row = itemRow(instrument, item, answers[instrument.id][item.id] ?? null, (value) => {
-          answers[instrument.id][item.id] = value;
+        const row = itemRow(instrument, item, given[item.id] ?? null, (value) => {
+          given[item.id] = value;
           tab.set(key, answers);
           count();
         });
@@ -89,9 +101,15 @@ export function surveyView({ socket, session }, page) {
     h("p", {}, trialText),
     form,
   );
-  return { element, heading };
+  return { element };
 }
 
+/**
+ * @param {Instrument} instrument
+ * @param {Item} item
+ * @param {number | null} chosen
+ * @param {(value: number) => void} onChange
+ */
 function itemRow(instrument, item, chosen, onChange) {
   const name = `${instrument.id}.${item.id}`;
   const errorId = freshId("missing");
