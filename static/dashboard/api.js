@@ -82,7 +82,7 @@ export class Api {
    * @returns {Promise<InvitationReply[]>}
    */
   async create({ demo, kind, label, count }) {
-    const given = { ...(kind !== "study" && { kind }), ...(label && { label }), ...(count > 1 && { count }) };
+    const given = { ...(kind === "pilot" && { kind }), ...(label && { label }), ...(count > 1 && { count }) };
     /** @type {InviteReply} */
     const { created } = await this.send("/api/participants", { demo, ...given });
     return created;

@@ -1,9 +1,10 @@
 // One session, opened: what the robot believes and why it moves, what happened, and what the experimenter can do.
 
-import { freshId, h, icon, setText } from "../common/dom.js";
+import { freshId, h, setText } from "../common/dom.js";
 import { problemText } from "../common/problem.js";
 import { ask } from "../common/shell.js";
 import { COMMANDS, reasoned, say } from "./commands.js";
+import { eventLine } from "./event_line.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
 import { Spectator } from "./live_spectator.js";
@@ -365,41 +366,4 @@ function words(action) {
  */
 function told(value, inWords, nothing = "–") {
   return value === null || value === undefined ? nothing : inWords(value);
-}
-
-/**
- * @param {unknown} value
- * @returns {string}
- */
-function shown(value) {
-  if (typeof value === "number") return String(Math.round(value * 100) / 100);
-  return typeof value === "object" ? JSON.stringify(value) : String(value);
-}
-
-/**
- * @param {SessionEvent} event
- * @returns {HTMLLIElement}
- */
-function eventLine({ utc, kind, source, data, tick }) {
-  const { by, text, ...rest } = data;
-  const details = Object.entries(rest)
-    .filter(([, value]) => value !== null && value !== "")
-    .map(([name, value]) => `${name}: ${shown(value)}`)
-    .join(", ");
-  const at = new Date(utc).toLocaleTimeString([], { hour12: false });
-  const who = by && by !== source ? `${source} ${by}` : source;
-  return h(
-    "li",
-    {},
-    h("span", { class: "event-at" }, at),
-    h(
-      "span",
-      {},
-      h("strong", {}, kind.replaceAll("_", " ")),
-      ` by ${who}${tick === null ? "" : `, tick ${tick}`}`,
-      text ? h("span", { class: "event-words" }, `“${text}”`) : null,
-      details ? h("span", { class: "event-details" }, details) : null,
-    ),
-    text ? icon("info") : null,
-  );
 }
