@@ -39,7 +39,8 @@ export class Scene {
     this.key = null;
     /** @type {string | null} */
     this.src = null;
-    this._names = "";
+    /** @type {string | null} */
+    this._names = null; // of the views that are drawn; null before any are
     this._drawn = false;
     this._sceneLost = false;
     // The frame tells whether it is connected (app/web/scene_proxy.py).
