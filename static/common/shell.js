@@ -32,7 +32,7 @@ export class Toasts {
     const shown = /** @type {HTMLElement[]} */ ([...this.element.children]);
     const twin = shown.find((toast) => toast.dataset.text === text);
     if (twin) twin.remove();
-    if (shown.length > 3) shown[0].remove();
+    if (shown.length > 3) shown[0]?.remove();
     const close = h(
       "button",
       { class: "quiet small", type: "button", "aria-label": "Dismiss this message" },

@@ -125,7 +125,8 @@ export class PlaneView {
     this.picture.hidden = false;
     this.caption.hidden = false;
     const { x_m, y_m, values } = plane;
-    const [x0, x1, y0, y1] = [x_m[0], x_m[x_m.length - 1], y_m[0], y_m[y_m.length - 1]];
+    const [x0, x1] = ends(x_m);
+    const [y0, y1] = ends(y_m);
     const width = (y1 - y0) * SCALE;
     const height = (x1 - x0) * SCALE;
     const { left, top, right, bottom } = MARGIN;
@@ -195,13 +196,23 @@ export class PlaneView {
 }
 
 /**
+ * The least and the greatest.
+ *
+ * @param {number[]} values
+ * @returns {[low: number, high: number]}
+ */
+function ends(values) {
+  return [Math.min(...values), Math.max(...values)];
+}
+
+/**
  * Each place of the plane with its value.
  *
  * @param {Plane} plane
  * @returns {{ x: number, y: number, value: number }[]}
  */
 function places({ x_m, y_m, values }) {
-  return values.flatMap((row, i) => row.map((value, j) => ({ x: x_m[i], y: y_m[j], value })));
+  return x_m.flatMap((x, i) => y_m.map((y, j) => ({ x, y, value: values[i]?.[j] ?? 0 })));
 }
 
 /**
@@ -240,8 +251,9 @@ function letter(index) {
  */
 function colour(share) {
   const place = Math.min(0.9999, Math.max(0, share)) * (RAMP.length - 1);
-  const [a, b] = [RAMP[Math.floor(place)], RAMP[Math.floor(place) + 1]];
-  return `rgb(${a.map((from, index) => Math.round(from + (b[index] - from) * (place % 1))).join(" ")})`;
+  const [below = [], above = below] = RAMP.slice(Math.floor(place));
+  const channels = below.map((from, index) => Math.round(from + ((above[index] ?? from) - from) * (place % 1)));
+  return `rgb(${channels.join(" ")})`;
 }
 
 /**
@@ -278,8 +290,9 @@ function frame(pen, px, py, { x_m, y_m, table_m }, { left, top, width, height })
  * @returns {number[]}
  */
 function steps(values) {
-  const first = Math.ceil(values[0] / STEP_M - 1e-6);
-  const last = Math.floor(values[values.length - 1] / STEP_M + 1e-6);
+  const [low, high] = ends(values);
+  const first = Math.ceil(low / STEP_M - 1e-6);
+  const last = Math.floor(high / STEP_M + 1e-6);
   return Array.from({ length: last - first + 1 }, (_, index) => (first + index) * STEP_M);
 }
 

@@ -30,6 +30,7 @@ const SOURCES = {
   gripper: "nobody: the fingers move",
   reset: "nobody: the arm goes back",
 };
+/** @type {[positive: string, negative: string][]} */
 const AXES = [
   ["forward", "back"],
   ["left", "right"],
@@ -351,7 +352,10 @@ function group(name, acts) {
  */
 function words(action) {
   if (!action) return "–";
-  const parts = action.flatMap((value, axis) => (value === 0 ? [] : [AXES[axis][value > 0 ? 0 : 1]]));
+  const parts = AXES.flatMap(([positive, negative], axis) => {
+    const value = action[axis] ?? 0;
+    return value === 0 ? [] : [value > 0 ? positive : negative];
+  });
   return parts.length ? parts.join(" and ") : "stay";
 }
 

@@ -86,13 +86,10 @@ export class Keyboard extends Emitter {
    * @returns {Direction}
    */
   direction() {
-    const total = [0, 0, 0];
-    const held = new Set([...this.down].map((code) => AXES[code].join()));
-    for (const pair of held) {
-      const [axis, sign] = pair.split(",").map(Number);
-      total[axis] += sign;
-    }
-    return /** @type {Direction} */ (total);
+    const pairs = [...this.down].map((code) => AXES[code]);
+    const held = (/** @type {number} */ axis, /** @type {number} */ sign) =>
+      Number(pairs.some((pair) => pair?.[0] === axis && pair[1] === sign));
+    return /** @type {Direction} */ ([0, 1, 2].map((axis) => held(axis, 1) - held(axis, -1)));
   }
 
   /** @returns {void} */

@@ -31,7 +31,7 @@ export const LABELS = {
 };
 /** @type {Partial<Record<Action, Action>>} */
 const OPPOSITE = { forward: "back", left: "right", up: "down", back: "forward", right: "left", down: "up" };
-/** @type {Partial<Record<Action, [axis: number, sign: number]>>} */
+/** @type {Partial<Record<Action, [axis: 0 | 1 | 2, sign: number]>>} */
 const AXIS_OF = { forward: [0, 1], back: [0, -1], left: [1, 1], right: [1, -1], up: [2, 1], down: [2, -1] };
 const HAT_STEP = 2 / 7; // eight directions on -1…1; beyond that range is "released"
 const PUSHED = 0.5;
@@ -103,6 +103,7 @@ export function active(now, mapping, deadZone, before = new Set()) {
  * @returns {Direction}
  */
 export function directionOf(actions) {
+  /** @type {[number, number, number]} */
   const direction = [0, 0, 0];
   for (const action of actions) {
     const pair = AXIS_OF[action];

@@ -155,7 +155,7 @@ export function eligibilityView({ socket, pads, sound }, page) {
       return radio;
     });
     play.addEventListener("click", async () => {
-      if (!(await sound.tones(tones[attempt % tones.length])))
+      if (!(await sound.tones(tones[attempt % tones.length] ?? 1)))
         tone.mark("open", "This browser did not let the sound through. Press the button once more.");
     });
     tone.body.append(

@@ -251,7 +251,7 @@ export function debriefView({ socket, session }, page) {
   return { element, close };
 }
 
-/** @type {Record<string, [title: string, sign: IconName]>} */
+/** @type {Record<"done" | "withdrawn" | "aborted" | "screened_out", [title: string, sign: IconName]>} */
 const ENDS = {
   done: ["Thank you", "check"],
   withdrawn: ["You have stopped taking part", "hand"],
@@ -265,7 +265,7 @@ const FORWARD_S = 10;
  * The last page. Its link appears when the lab has everything this browser still kept for it, and not before.
  *
  * @param {Context} context
- * @param {PageOf<{ text: string[], completion_link: string | null }>} page
+ * @param {PageOf<{ text: string[], completion_link: string | null }, keyof typeof ENDS>} page
  * @returns {View}
  */
 export function endView({ socket, session }, page) {

@@ -27,7 +27,7 @@ import { surveyView } from "./survey.js";
 /** @import { ConnectionState, Question } from "../common/shell.js" */
 /** @import { DrivingPage, PausedPage } from "./drive.js" */
 /** @import { Context, PageOf, View } from "./view.js" */
-/** @typedef {(context: Context, page: PageOf<never>) => View} MakesView each takes the content of its own state */
+/** @typedef {(context: Context, page: PageOf<never, never>) => View} MakesView each takes the content of its own state */
 
 /** @type {Record<string, MakesView>} */
 const VIEWS = {
@@ -111,7 +111,7 @@ function showPage(page) {
   const identity = `${page.state}:${page.trial}:${JSON.stringify(page.content)}`;
   if (identity === shown) return; // the same page again after a reconnect: what was typed stays
   const makesView = VIEWS[page.state] ?? unknownView;
-  replace(makesView(context, /** @type {PageOf<never>} */ (page)), identity);
+  replace(makesView(context, /** @type {PageOf<never, never>} */ (page)), identity);
 }
 
 /** @type {MakesView} */

@@ -150,12 +150,12 @@ const unknown = () => [
  * @returns {SVGSVGElement}
  */
 export function drawing(id) {
-  const parts = (Object.hasOwn(DRAWINGS, id) ? DRAWINGS[id] : unknown)();
+  const draw = (Object.hasOwn(DRAWINGS, id) && DRAWINGS[id]) || unknown;
   const outline = { stroke: "#1d2530", "stroke-opacity": 0.55, "stroke-width": 1.2 };
   return s(
     "svg",
     { class: "drawing", viewBox: "0 0 100 120", "aria-hidden": "true", focusable: "false", "data-drawing": id },
-    s("g", outline, parts),
+    s("g", outline, draw()),
   );
 }
 

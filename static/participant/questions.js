@@ -80,11 +80,12 @@ export function question({ id, prompt, kind = "choice", options = [], required =
  */
 function choice({ id, prompt, options, kept, errorId, note }) {
   const name = freshId("choice");
-  const controls = options.map((option) => {
+  const choices = options.map((option) => {
     const radio = h("input", { type: "radio", name, value: option.id, "aria-describedby": errorId });
     radio.checked = kept === option.id;
-    return radio;
+    return { radio, label: h("label", { class: "option" }, radio, h("span", {}, option.label)) };
   });
+  const controls = choices.map((one) => one.radio);
   const element = h(
     "fieldset",
     { class: "question", data: { testid: `question-${id}` } },
@@ -92,7 +93,7 @@ function choice({ id, prompt, options, kept, errorId, note }) {
     h(
       "div",
       { class: "options" },
-      controls.map((radio, index) => h("label", { class: "option" }, radio, h("span", {}, options[index].label))),
+      choices.map((one) => one.label),
     ),
   );
   return { element, controls, value: () => controls.find((radio) => radio.checked)?.value ?? null };

@@ -311,7 +311,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
           : "Choose gamepad or keyboard first.",
       );
       drive.element.scrollIntoView({ block: "center" });
-      (radios.find((one) => one.radio.checked) ?? radios[0]).radio.focus({ preventScroll: true });
+      (radios.find((one) => one.radio.checked) ?? radios[0])?.radio.focus({ preventScroll: true });
       return;
     }
     if (chosen.sound === null && placement !== "none") {

@@ -35,8 +35,8 @@ export function surveyView({ socket, session }, page) {
   };
 
   const sections = instruments.map((instrument) => {
-    answers[instrument.id] ??= {};
-    const given = answers[instrument.id];
+    const given = answers[instrument.id] ?? {};
+    answers[instrument.id] = given;
     return h(
       "section",
       { class: "instrument", data: { testid: `instrument-${instrument.id}` } },
@@ -77,7 +77,7 @@ export function surveyView({ socket, session }, page) {
           ? "One question is not answered yet."
           : `${missing.length} questions are not answered yet.`;
       summary.replaceChildren(icon("warning"), h("p", {}, `${words} They are marked below.`));
-      missing[0].focus();
+      missing[0]?.focus();
       return;
     }
     whileBusy(button, "Saving", async () => {
@@ -160,7 +160,7 @@ function itemRow(instrument, item, chosen, onChange) {
     value,
     focus: () => {
       fieldset.scrollIntoView({ block: "center" });
-      radios[0].focus({ preventScroll: true });
+      radios[0]?.focus({ preventScroll: true });
     },
     check: () => {
       const given = value() !== null;
