@@ -46,7 +46,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench clean FORCE
+.PHONY: help run test test-fast check check-js bench docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -86,9 +86,13 @@ check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, ty
 bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, simulated studies and analysis
 	@$(PY) -m tests.bench
 
+docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
+	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
+	@echo "open build/docs/index.html"
+
 clean: ## remove the environment and caches; never the data
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info tests/javascript/node_modules
-	find app sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find app docs sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/.installed: pyproject.toml
 	@$(FIND_PYTHON); \
@@ -102,6 +106,6 @@ $(VENV)/.installed: pyproject.toml
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	@echo "== installing what the tests need"
-	@$(PIP) --editable '.[meshes,test]'
+	@echo "== installing what the tests and the documentation need"
+	@$(PIP) --editable '.[meshes,test,docs]'
 	@touch $@

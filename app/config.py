@@ -1,4 +1,4 @@
-"""Every setting of the lab with its default, and the error all edges report.
+"""Every setting of the lab with its default.
 
 What a *study* is made of stands in the study file (`study.definition.study`); this is how the lab itself runs.
 """
@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
+from app.errors import LabError
 
-class LabError(RuntimeError):
-    """Something the lab cannot do; the message is one line that says what and what would help."""
-
-
+Pace = Literal["real_time", "lockstep"]
+"""`real_time`: a tick every half a second. `lockstep`: one whenever its input arrives."""
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 EVERY_ADDRESS = ("", "0.0.0.0", "::")
 OWN_PATHS = frozenset(
@@ -67,9 +66,9 @@ class LabConfig:
     """What links begin with when a proxy stands in front, with a path or without; None = http://host:port."""
     study_file: Path | None = None
     """The study to run; None = the paper's."""
-    robot: Literal["bullet", "kinematic"] = "bullet"
-    """Which robot moves."""
-    pace: Literal["real_time", "lockstep"] = "real_time"
+    robot: str = "bullet"
+    """Which robot moves: a name of `app.trial.robots.ROBOTS`."""
+    pace: Pace = "real_time"
     """How new participants are paced unless the API says otherwise."""
     scene: bool = True
     """Whether real-time sessions have a 3-D scene."""

@@ -20,7 +20,7 @@ PROTOCOL_VERSION = 1
 MAX_MESSAGE_BYTES = 65_536
 
 Axis = Literal[-1, 0, 1]
-Direction = tuple[Axis, Axis, Axis]
+WireDirection = tuple[Axis, Axis, Axis]
 Gripper = Literal["open", "close"]
 Identifier = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._:-]+$")]
 Sequence = Annotated[int, Field(ge=0, le=2**53, strict=True)]
@@ -52,7 +52,7 @@ class Input(Message):
     type: Literal["input"] = "input"
     seq: Sequence
     client_ms: Annotated[float, Field(strict=True)]
-    direction: Direction | None
+    direction: WireDirection | None
     gripper: Gripper | None = None
     """A press of a gripper button since the last message; the next tick acts on it once."""
 
@@ -70,7 +70,7 @@ class Heartbeat(Message):
     type: Literal["heartbeat"] = "heartbeat"
     seq: Sequence
     """Sequence number of the last `input` sent."""
-    direction: Direction | None
+    direction: WireDirection | None
     visible: bool = True
     focused: bool = True
     device: Literal["gamepad", "keyboard", "none"] = "none"

@@ -85,11 +85,6 @@ class RobotLook:
     glb_by_link: Mapping[str, bytes]
     note: str | None = None
 
-    @property
-    def size_bytes(self) -> int:
-        """All GLBs together."""
-        return sum(map(len, self.glb_by_link.values()))
-
 
 def cache_dir(environment: Mapping[str, str] | None = None) -> Path:
     """Where baked meshes are kept: `$XDG_CACHE_HOME` if absolute (as its specification asks), else `~/.cache`."""
@@ -174,7 +169,8 @@ def _face_colors(solid: Any, fallback: Rgb) -> np.ndarray:
     rows = np.minimum(((1.0 - middle[:, 1]) * texels.shape[0]).astype(int), texels.shape[0] - 1)
     columns = np.minimum((middle[:, 0] * texels.shape[1]).astype(int), texels.shape[1] - 1)
     # In few steps: every change of colour doubles vertices.
-    return np.clip((texels[rows, columns].astype(np.int64) + 24) // 48 * 48, 0, 255)
+    in_steps: np.ndarray = np.clip((texels[rows, columns].astype(np.int64) + 24) // 48 * 48, 0, 255)
+    return in_steps
 
 
 def _thinned(solid: Any, face_colors: np.ndarray, part: _Part) -> Mesh:

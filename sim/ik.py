@@ -155,12 +155,6 @@ def solve_many(positions_world_gripper_m: FloatArray) -> tuple[FloatArray, NDArr
     return joints, codes
 
 
-def reachable(positions_world_gripper_m: FloatArray) -> NDArray[np.bool_]:
-    """Which positions, shape (N, 3), the gripper can be at; shape (N,)."""
-    within: NDArray[np.bool_] = solve_many(positions_world_gripper_m)[1] == 0
-    return within
-
-
 def path_code(start_world_m: Vector3, end_world_m: Vector3) -> int:
     """What stops a straight path: an index of `REASONS`, 0 when it can be followed to its end.
 

@@ -183,13 +183,6 @@ def _stand(object_id: str, slot: SlotXY, layout: Layout) -> PlacedObject:
     return PlacedObject(object_spec(object_id), (slot[0], slot[1], layout.table.top_z_m))
 
 
-def layout_by_name(name: str) -> Layout:
-    """The shipped layout of that name; `SimError` names the ones there are."""
-    if name not in LAYOUTS:
-        raise SimError(f"no layout {name!r}; layouts are {', '.join(LAYOUTS)}")
-    return LAYOUTS[name]
-
-
 # The table's front edge leaves the bins between itself and the robot: whatever is carried comes out first, then back.
 _TABLE = Table((0.90, 0.0, 0.71), (0.40, 1.16, 0.04))
 _BINS = (

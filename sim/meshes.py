@@ -46,7 +46,7 @@ class Mesh:
         """The lowest and the highest corner, shape (3,) each."""
         return self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)
 
-    def moved(self, offset_m: Sequence[float]) -> Mesh:
+    def moved(self, offset_m: ArrayLike) -> Mesh:
         """The mesh shifted by `offset_m`."""
         return Mesh(self.vertices_m + np.asarray(offset_m, dtype=np.float64), self.faces, self.srgba)
 

@@ -18,7 +18,7 @@ import viser
 
 from sim.interface import QuaternionWxyz, SimError, Vector3
 from sim.meshes import Material, Mesh, to_glb
-from sim.views import View
+from sim.views import CameraView
 
 
 @lru_cache(maxsize=128)
@@ -85,7 +85,8 @@ class NodeServer:
     @property
     def port(self) -> int:
         """Where it listens."""
-        return self.running.get_port()
+        port: int = self.running.get_port()
+        return port
 
     @property
     def clients(self) -> int:
@@ -157,7 +158,7 @@ class NodeServer:
 
     # -- cameras
 
-    def start_at(self, view: View) -> None:
+    def start_at(self, view: CameraView) -> None:
         """Where the cameras of those who come later start."""
         camera = self.running.initial_camera
         if camera.fov != view.fov_rad or tuple(camera.position) != view.position_world_m:
@@ -167,7 +168,7 @@ class NodeServer:
             camera.near = 0.05
             camera.far = 20.0
 
-    def aim(self, view: View) -> None:
+    def aim(self, view: CameraView) -> None:
         """Point every camera that does not yet show the view; later clients start there by themselves."""
         self.start_at(view)
         clients = self.running.get_clients()

@@ -278,8 +278,13 @@ def bin_mesh(target: Bin) -> Mesh:
     color = BIN_COLORS[side]
     x_m, y_m = target.inner_size_m
     height_m, wall_m = target.height_m, 0.012
-    outside = lambda z: rectangle(x_m + 2 * wall_m, y_m + 2 * wall_m, z, corner_m=0.03)  # noqa: E731
-    inside = lambda z: rectangle(x_m, y_m, z, corner_m=0.022)  # noqa: E731
+
+    def outside(z_m: float) -> FloatArray:
+        return rectangle(x_m + 2 * wall_m, y_m + 2 * wall_m, z_m, corner_m=0.03)
+
+    def inside(z_m: float) -> FloatArray:
+        return rectangle(x_m, y_m, z_m, corner_m=0.022)
+
     deep: Rgb = (round(color[0] * 0.5), round(color[1] * 0.5), round(color[2] * 0.5))
     skin = shaded(loft([outside(0.0), outside(height_m)], color, bottom=False, top=False), dark_share=0.4)
     lining = shaded(loft([inside(height_m), inside(0.004)], deep, bottom=False, top=False), dark_share=0.55)

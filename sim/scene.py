@@ -24,7 +24,7 @@ from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.nodes import NodeServer
 from sim.objects import OBJECTS
-from sim.views import DEFAULT_VIEW, VIEWS, View
+from sim.views import DEFAULT_VIEW, VIEWS, CameraView
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
 
@@ -39,7 +39,7 @@ class SceneOptions:
     """Soft spots under the objects and the gripper."""
     marked: bool = False
     """Whether `mark` may ring the instructed object or bin."""
-    orbit_from: View | None = None
+    orbit_from: CameraView | None = None
     """Where browsers start that then steer their own cameras; None = all look where `set_view` says."""
     reset_tween_s: float = 0.6
     """How long the arm's way back takes on screen after a reset (its jump in the world takes no time)."""

@@ -20,7 +20,7 @@ from sim.interface import SimError, Vector3
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A camera, its up direction the world's z: where it stands and what it looks at (world frame, metres)."""
 
     name: str
@@ -55,11 +55,11 @@ class View:
 
 NARROWEST_ASPECT = 1.45
 DEFAULT_VIEW = "overview"
-VIEWS: Mapping[str, View] = MappingProxyType(
+VIEWS: Mapping[str, CameraView] = MappingProxyType(
     {
         view.name: view
         for view in (
-            View(
+            CameraView(
                 "overview",
                 "From behind and above",
                 (-0.16, 0.0, 3.60),
@@ -67,12 +67,14 @@ VIEWS: Mapping[str, View] = MappingProxyType(
                 math.radians(17.5),
                 head=False,
             ),
-            View("side", "From the right", (0.84, -1.85, 1.32), (0.6, 0.0, 0.76), math.radians(46)),
-            View("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), math.radians(44), head=False),
+            CameraView("side", "From the right", (0.84, -1.85, 1.32), (0.6, 0.0, 0.76), math.radians(46)),
+            CameraView("top", "From above", (0.36, 0.0, 2.5), (0.6, 0.0, 0.75), math.radians(44), head=False),
         )
     }
 )
 """The views by name; the first is the one a session starts with."""
 
-ONLOOKER = View("onlooker", "From where an onlooker stands", (2.45, -0.75, 2.0), (0.55, 0.0, 0.84), math.radians(32))
+ONLOOKER = CameraView(
+    "onlooker", "From where an onlooker stands", (2.45, -0.75, 2.0), (0.55, 0.0, 0.84), math.radians(32)
+)
 """Where the experimenters' own cameras start."""

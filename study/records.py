@@ -15,6 +15,9 @@ from datetime import datetime, timezone
 from typing import Any, Literal, get_args, get_type_hints
 
 SCHEMA_VERSION = 1
+TICK_S = 0.5
+"""Length of a tick, one decision (paper IV-A), seconds. The robot's is `sim.interface.TICK_S`; a test holds them equal,
+since neither house imports the other."""
 
 
 class StudyError(ValueError):
@@ -163,7 +166,7 @@ _ACTION = (
 
 @dataclass(frozen=True)
 class TickRow:
-    """One 2 Hz decision. p and m are the state x at the start of the tick, belief and entropy are after its update."""
+    """One decision, a tick long. p and m are the state x at its start, belief and entropy are after its update."""
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
@@ -274,9 +277,9 @@ DESCRIPTIONS: Mapping[str, str] = {
     "participants": "One row per participant: condition order, study file and consent",
     "trials": "One row per trial: the condition with its parameters, and the objects on the table",
     "tasks": "One row per pickup or dropoff: the instructed goal and the outcome",
-    "ticks": "One row per 0.5 s decision of the trials: state, input, action and belief",
-    "practice_ticks": "One row per 0.5 s decision of the practice before a trial; columns as in ticks. Practice "
-    "that is repeated goes on with another cycle",
+    "ticks": f"One row per {TICK_S:g} s decision of the trials: state, input, action and belief",
+    "practice_ticks": f"One row per {TICK_S:g} s decision of the practice before a trial; columns as in ticks. "
+    "Practice that is repeated goes on with another cycle",
     "alerts": "One row per sensor reading of the second task",
     "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
     "events": "Anything else that happened, in order",

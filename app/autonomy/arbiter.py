@@ -14,9 +14,9 @@ The three conditions differ only at the end: ``teleoperation`` takes the person'
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -48,31 +48,16 @@ from app.autonomy.information import information_gain_ahead
 from app.autonomy.transition import TransitionModel
 
 Condition = Literal["teleoperation", "goal_oriented", "balanced"]
-PresetName = Literal["paper", "lab"]
+
+RATIONALITY_PER_M = 5.0
+"""kappa where nothing else is said. With the paper's eq. 2 as printed, 1.0 in metres, a belief over six goals hardly
+moves in a whole pickup."""
 
 TIE_TOLERANCE = 1e-12
 """Scores this close to the best are equal: the previous direction is kept, else the lowest index wins."""
 
 _NEAREST_OTHER = float(np.sqrt(2.0 - 2.0 * np.sqrt(2.0 / 3.0)))
 """Distance between the two nearest of the 27 unit directions, an edge's and a corner's."""
-
-
-@dataclass(frozen=True)
-class Preset:
-    """The coefficients the paper leaves open."""
-
-    rationality_per_m: float
-    stickiness: float
-
-
-PRESETS: Mapping[PresetName, Preset] = MappingProxyType(
-    {
-        # The paper's eq. 2 as printed, in metres.
-        "paper": Preset(rationality_per_m=1.0, stickiness=0.0),
-        # With 1.0 a belief over six goals hardly moves in a whole pickup; the stickiness stops dithering.
-        "lab": Preset(rationality_per_m=5.0, stickiness=0.003),
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -99,7 +84,7 @@ class ArbiterParameters:
     alpha: float
     beta: float = 1.0
     gamma: float = 1e6
-    rationality_per_m: float = PRESETS["lab"].rationality_per_m
+    rationality_per_m: float = RATIONALITY_PER_M
     transition: TransitionModel = field(default_factory=TransitionModel)
     entropy_floor: float = 0.1
     stickiness: float = 0.0
@@ -114,30 +99,6 @@ class ArbiterParameters:
         check_rationality(self.rationality_per_m)
         if not 0.0 < self.entropy_floor <= 1.0:
             raise AutonomyError(f"entropy_floor is {self.entropy_floor!r}; it must be in (0, 1]")
-
-    @classmethod
-    def from_preset(
-        cls,
-        name: PresetName,
-        condition: Condition,
-        alpha: float,
-        transition: TransitionModel | None = None,
-    ) -> ArbiterParameters:
-        """Parameters with a preset's coefficients; ``transition`` defaults to ``TransitionModel()``.
-
-        Raises:
-            AutonomyError: an unknown preset, or a value out of bounds.
-        """
-        if name not in PRESETS:
-            raise AutonomyError(f"preset is {name!r}; choose one of {', '.join(PRESETS)}")
-        preset = PRESETS[name]
-        return cls(
-            condition,
-            alpha,
-            rationality_per_m=preset.rationality_per_m,
-            transition=transition if transition is not None else TransitionModel(),
-            stickiness=preset.stickiness,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +120,6 @@ class Evaluation:
     chosen: int
 
 
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """The action to execute in this tick, and why."""
-
-    action_index: int
-    direction: Direction
-    evaluation: Evaluation
-
-
 def entropy_weights(entropy: float, entropy_floor: float = 0.1) -> tuple[float, float]:
     """f1 = max(H, floor) and f2 = 1 / f1 (paper III-F)."""
     information_weight = max(entropy, entropy_floor)
@@ -181,6 +133,103 @@ def disagreement(user_index: int | None) -> FloatArray:
     offsets = UNIT_DIRECTIONS - UNIT_DIRECTIONS[user_index]
     distances: FloatArray = np.sqrt(np.einsum("ui,ui->u", offsets, offsets))
     return -distances
+
+
+class _Weighing:
+    """One tick's decision, worked out as far as somebody asks: `evaluate` asks for everything, `choose` for what
+    decides. Arguments and errors as for `evaluate`."""
+
+    def __init__(
+        self,
+        position_m: npt.ArrayLike,
+        momentum: npt.ArrayLike,
+        goals_m: npt.ArrayLike,
+        prior: npt.ArrayLike | None,
+        user_action: Sequence[int] | None,
+        parameters: ArbiterParameters,
+    ) -> None:
+        self.parameters = parameters
+        self.user_index = None if user_action is None else index_of(user_action)
+        self._position_m = checked_point_m("position_m", position_m)
+        self._momentum = checked_momentum(momentum)
+        self._goals_m = checked_goals_m(goals_m)
+        goal_count = self._goals_m.shape[0]
+        uniform: FloatArray = np.full(goal_count, 1.0 / goal_count)
+        self._prior: FloatArray = uniform if prior is None else checked_probabilities(prior, goal_count)
+
+    @cached_property
+    def previous(self) -> int | None:
+        """The action that continues the current direction; None at rest."""
+        return nearest_action(self._momentum)
+
+    @cached_property
+    def _next_positions_m(self) -> FloatArray:  # (27, 3), T(x, u)
+        next_positions_m: FloatArray = self._position_m + self.parameters.transition.displacements(self._momentum)
+        return next_positions_m
+
+    @cached_property
+    def _rewards_m(self) -> FloatArray:  # (27, G), R_phi(x, u), eq. 1
+        return rewards_of_moves_m(self._position_m, self._next_positions_m, self._goals_m)
+
+    @cached_property
+    def log_likelihoods(self) -> FloatArray:  # (27, G), eqs. 2-3
+        return log_softmax(self.parameters.rationality_per_m * self._rewards_m, axis=0)
+
+    @cached_property
+    def posterior(self) -> FloatArray:  # (G,); no action is no evidence
+        if self.user_index is None:
+            unchanged: FloatArray = self._prior.copy()
+            return unchanged
+        return bayes_update(self._prior, self.log_likelihoods[self.user_index])
+
+    @cached_property
+    def entropy(self) -> float:
+        return belief_entropy(self.posterior)
+
+    @cached_property
+    def information_gain(self) -> FloatArray:  # (27,), eq. 11 at T(x, u)
+        model, rationality_per_m = self.parameters.transition, self.parameters.rationality_per_m
+        return information_gain_ahead(self._next_positions_m, self._goals_m, self.posterior, model, rationality_per_m)
+
+    @cached_property
+    def hindsight_reward(self) -> FloatArray:  # (27,), R_HO(x, u), eq. 7, metres
+        reward_m: FloatArray = self._rewards_m @ self.posterior
+        return reward_m
+
+    @cached_property
+    def score(self) -> FloatArray:  # (27,), the whole sum; without a weight, information is not looked at
+        f1, f2 = entropy_weights(self.entropy, self.parameters.entropy_floor)
+        score = self.parameters.beta * f2 * self.hindsight_reward
+        alpha = 0.0 if self.parameters.condition == "goal_oriented" else self.parameters.alpha
+        if alpha > 0.0:
+            score += alpha * f1 * self.information_gain
+        if self.user_index is not None:
+            score += self.parameters.gamma * disagreement(self.user_index)
+        return score
+
+    @cached_property
+    def selection_bonus(self) -> FloatArray:  # (27,), the stickiness
+        bonus = np.zeros(ACTION_COUNT)
+        if self.previous is not None and self.user_index is None:
+            bonus[self.previous] = self.parameters.stickiness
+        return bonus
+
+    def choice(self, feasible: Callable[[int], bool]) -> int:
+        """u*, an index into ``DIRECTIONS``: the best action that can be done; the person's needs not to be.
+
+        Nothing is weighed under ``teleoperation``, nor when the person's action cannot be outbid.
+        """
+        if self.parameters.condition == "teleoperation":
+            return NULL_ACTION if self.user_index is None else self.user_index
+        if self.user_index is not None and _cannot_be_outbid(self.parameters):
+            return self.user_index
+        values = self.score + self.selection_bonus
+        while True:
+            chosen = select(values, self.previous)
+            nothing_left = values[chosen] == -np.inf
+            if nothing_left or chosen == self.user_index or feasible(chosen):
+                return chosen
+            values[chosen] = -np.inf
 
 
 def evaluate(
@@ -207,41 +256,17 @@ def evaluate(
     Raises:
         AutonomyError: values that are not finite, of the wrong shape or out of bounds.
     """
-    position = checked_point_m("position_m", position_m)
-    moving = checked_momentum(momentum)
-    goals = checked_goals_m(goals_m)
-    goal_count = goals.shape[0]
-    belief = np.full(goal_count, 1.0 / goal_count) if prior is None else checked_probabilities(prior, goal_count)
-    user_index = None if user_action is None else index_of(user_action)
-    allowed = _allowed(feasible, user_index)
-    model, rationality_per_m = parameters.transition, parameters.rationality_per_m
-
-    next_positions_m = position + model.displacements(moving)  # (27, 3)
-    rewards_m = rewards_of_moves_m(position, next_positions_m, goals)  # R_phi(x, u), eq. 1: (27, G)
-    log_likelihoods = log_softmax(rationality_per_m * rewards_m, axis=0)
-    posterior = belief.copy() if user_index is None else bayes_update(belief, log_likelihoods[user_index])
-    entropy = belief_entropy(posterior)
-
-    information_gain = information_gain_ahead(next_positions_m, goals, posterior, model, rationality_per_m)
-    hindsight_reward = rewards_m @ posterior  # R_HO(x, u), eq. 7
-    score = _score(hindsight_reward, information_gain, entropy, user_index, parameters)
-    previous = nearest_action(moving)
-    selection_bonus = np.zeros(ACTION_COUNT)
-    if previous is not None and user_index is None:
-        selection_bonus[previous] = parameters.stickiness
-    if parameters.condition == "teleoperation":
-        chosen = NULL_ACTION if user_index is None else user_index
-    else:
-        chosen = select(np.where(allowed, score + selection_bonus, -np.inf), previous)
+    weighing = _Weighing(position_m, momentum, goals_m, prior, user_action, parameters)
+    allowed = _allowed(feasible)
     return Evaluation(
-        likelihood=frozen(np.exp(log_likelihoods)),
-        posterior=frozen(posterior),
-        entropy=entropy,
-        information_gain=frozen(information_gain),
-        hindsight_reward=frozen(hindsight_reward),
-        score=frozen(score),
-        selection_bonus=frozen(selection_bonus),
-        chosen=chosen,
+        likelihood=frozen(np.exp(weighing.log_likelihoods)),
+        posterior=frozen(weighing.posterior),
+        entropy=weighing.entropy,
+        information_gain=frozen(weighing.information_gain),
+        hindsight_reward=frozen(weighing.hindsight_reward),
+        score=frozen(weighing.score),
+        selection_bonus=frozen(weighing.selection_bonus),
+        chosen=weighing.choice(lambda index: bool(allowed[index])),
     )
 
 
@@ -269,84 +294,19 @@ def choose(
 ) -> Choice:
     """Posterior and choice of ``evaluate``, bit for bit, without working out what they do not rest on.
 
-    Nothing is weighed under ``teleoperation``, nor when gamma is so large that the person's action cannot be outbid;
-    without a weight, information is not looked at; nothing is learned from no action.
-
     Args:
         feasible: whether the arm can do the action of that index; asked only for those that come first.
         others: as for ``evaluate``, errors too.
     """
-    user_index = None if user_action is None else index_of(user_action)
-    goals = checked_goals_m(goals_m)
-    goal_count = goals.shape[0]
-    belief = np.full(goal_count, 1.0 / goal_count) if prior is None else checked_probabilities(prior, goal_count)
-    if parameters.condition == "teleoperation" and user_index is None:
-        return Choice(frozen(belief.copy()), NULL_ACTION)
-    model, rationality_per_m = parameters.transition, parameters.rationality_per_m
-    position = checked_point_m("position_m", position_m)
-    next_positions_m = position + model.displacements(momentum)
-    rewards_m = rewards_of_moves_m(position, next_positions_m, goals)
-    if user_index is not None:
-        belief = bayes_update(belief, log_softmax(rationality_per_m * rewards_m, axis=0)[user_index])
-        if parameters.condition == "teleoperation" or _cannot_be_outbid(parameters):
-            return Choice(frozen(belief), user_index)
-    information_gain = None
-    if _information_weight(parameters) > 0.0:
-        information_gain = information_gain_ahead(next_positions_m, goals, belief, model, rationality_per_m)
-    values = _score(rewards_m @ belief, information_gain, belief_entropy(belief), user_index, parameters)
-    previous = nearest_action(momentum)
-    if previous is not None and user_index is None:
-        values[previous] += parameters.stickiness
-    while True:
-        chosen = select(values, previous)
-        nothing_left = values[chosen] == -np.inf
-        if nothing_left or chosen == user_index or feasible is None or feasible(chosen):
-            return Choice(frozen(belief.copy()), chosen)
-        values[chosen] = -np.inf
-
-
-def _information_weight(parameters: ArbiterParameters) -> float:
-    """alpha, which ``goal_oriented`` takes for 0."""
-    return 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
-
-
-def _score(
-    hindsight_reward: FloatArray,
-    information_gain: FloatArray | None,
-    entropy: float,
-    user_index: int | None,
-    parameters: ArbiterParameters,
-) -> FloatArray:
-    """The whole sum for all 27 actions; information is not looked at when it has no weight."""
-    f1, f2 = entropy_weights(entropy, parameters.entropy_floor)
-    score = parameters.beta * f2 * hindsight_reward
-    alpha = _information_weight(parameters)
-    if alpha > 0.0 and information_gain is not None:
-        score += alpha * f1 * information_gain
-    if user_index is not None:
-        score += parameters.gamma * disagreement(user_index)
-    return score
+    weighing = _Weighing(position_m, momentum, goals_m, prior, user_action, parameters)
+    chosen = weighing.choice(feasible or (lambda index: True))
+    return Choice(frozen(weighing.posterior), chosen)
 
 
 def _cannot_be_outbid(parameters: ArbiterParameters) -> bool:
     """Whether gamma alone decides: a gain is at most 1, a reward at most a step either way."""
     most = parameters.alpha + parameters.beta / parameters.entropy_floor * 2.0 * parameters.transition.step_m
     return parameters.gamma * _NEAREST_OTHER > 2.0 * most + TIE_TOLERANCE
-
-
-def decide(
-    position_m: npt.ArrayLike,
-    momentum: npt.ArrayLike,
-    goals_m: npt.ArrayLike,
-    prior: npt.ArrayLike | None,
-    user_action: Sequence[int] | None,
-    parameters: ArbiterParameters,
-    feasible: npt.ArrayLike | None = None,
-) -> Decision:
-    """One tick's decision; arguments and errors as for ``evaluate``. Keeps nothing: the caller carries
-    ``decision.evaluation.posterior`` into the next tick as its prior."""
-    evaluation = evaluate(position_m, momentum, goals_m, prior, user_action, parameters, feasible)
-    return Decision(evaluation.chosen, DIRECTIONS[evaluation.chosen], evaluation)
 
 
 def select(values: FloatArray, previous: int | None) -> int:
@@ -361,12 +321,10 @@ def select(values: FloatArray, previous: int | None) -> int:
     return int(best.argmax())
 
 
-def _allowed(feasible: npt.ArrayLike | None, user_index: int | None) -> BoolArray:
+def _allowed(feasible: npt.ArrayLike | None) -> BoolArray:
     if feasible is None:
         return np.ones(ACTION_COUNT, dtype=np.bool_)
     allowed = np.array(feasible)
     if allowed.shape != (ACTION_COUNT,) or allowed.dtype != np.bool_:
         raise AutonomyError(f"feasible is {feasible!r}; it must be {ACTION_COUNT} booleans")
-    if user_index is not None:
-        allowed[user_index] = True
     return allowed

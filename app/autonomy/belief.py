@@ -140,27 +140,10 @@ class Belief:
     def __hash__(self) -> int:
         return hash((self.goal_ids, self.probabilities.tobytes()))
 
-    def updated(self, log_likelihood_row: npt.ArrayLike) -> Belief:
-        """The belief after one observed action; ``log_likelihood_row`` (G,) is that action's row of
-        ``log_likelihood``.
-
-        Raises:
-            AutonomyError: not one finite number for each goal.
-        """
-        row = np.asarray(log_likelihood_row, dtype=np.float64)
-        if row.shape != self.probabilities.shape or not np.isfinite(row).all():
-            raise AutonomyError(f"log_likelihood_row is {row.tolist()}; it must be {len(self.goal_ids)} finite numbers")
-        return Belief(self.goal_ids, bayes_update(self.probabilities, row))
-
     @cached_property
     def entropy(self) -> float:
         """H(b), eq. 8, to base |Phi|: 0 when certain or with one goal, 1 when uniform."""
         return belief_entropy(self.probabilities)
-
-    @property
-    def most_likely(self) -> str:
-        """The most probable goal's name; the first of equals."""
-        return self.goal_ids[int(self.probabilities.argmax())]
 
     def as_dict(self) -> dict[str, float]:
         """Goal name -> probability, in order."""

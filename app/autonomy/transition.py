@@ -89,15 +89,6 @@ class TransitionModel:
         positions_m = checked_points_m("position_world_m", position_world_m)
         return positions_m[..., None, :] + self.displacements(momentum)
 
-    def next_momenta(self, momentum: npt.ArrayLike) -> FloatArray:
-        """m' of T(x, u) for every action: (..., 3) -> (..., 27, 3); the action itself, whatever came before.
-
-        Raises:
-            AutonomyError: a momentum that is not finite or longer than 1.
-        """
-        momenta = checked_momenta(momentum)
-        return np.broadcast_to(UNIT_DIRECTIONS, (*momenta.shape[:-1], ACTION_COUNT, 3))
-
 
 @lru_cache(maxsize=4096)
 def _displacements_of_one(model: TransitionModel, momentum: bytes) -> FloatArray:

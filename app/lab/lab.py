@@ -11,25 +11,26 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.config import LabConfig, LabError
+from app.config import LabConfig, Pace
+from app.errors import LabError
 from app.lab.tokens import new_token, same_token, token_hash
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.history import KEPT_EVENTS
-from app.session.interfaces import Enrolment, Resumed, Surroundings
+from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
-from app.simulated.variants import open_study, parse_text
-from app.trial.cycles import cycle_from_json
-from app.trial.engine import CycleStart, inputs_of
 from app.trial.setup import StudySetup, study_setup
-from app.worker.messages import Pace, WorkerReport, WorkerSpec
+from app.trial.values import CycleStart, cycle_from_json, inputs_of
+from app.trial.world import open_study, parse_text
+from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
 from study.flow.distractor import from_rows
 from study.flow.open_link import ids_among
+from study.flow.roster import EnrolmentKind
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
-from study.store import AsyncStore, Kind, Store, StoredSession, open_store
+from study.store import AsyncStore, Store, StoredSession, open_store
 
 PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0
@@ -164,7 +165,7 @@ class Lab:
     async def invite(
         self,
         *,
-        kind: Kind = "study",
+        kind: EnrolmentKind = "study",
         pace: Pace | None = None,
         identities: Mapping[str, str] | None = None,
         tokens: Mapping[str, str] | None = None,
@@ -328,7 +329,7 @@ class Lab:
         resumed = await self.store.run(lambda store: _resumed(store, stored, setup.study))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
-        around = Surroundings(
+        services = LabServices(
             store=self.store,
             study=setup.study,
             config=self.config,
@@ -340,7 +341,7 @@ class Lab:
             changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
         )
-        return LiveSession(enrolment, stored.session, resumed, around)
+        return LiveSession(enrolment, stored.session, resumed, services)
 
     async def study_of(self, stored: StoredSession) -> Study:
         """The study a participant was enrolled in, even when the lab now runs another."""

@@ -12,7 +12,7 @@ from app.lab.tokens import token_hash
 from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, Answer, answer, read_ids
 from study.flow.protocol import State
 from study.records import EventRow, utc_text
-from study.store import Store
+from study.store import Batch, Store
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Recruiter:
         event = EventRow(made.participant, None, None, utc_text(self._lab.now_unix_s()), "joined", "participant", "{}")
 
         def note(store: Store) -> None:
-            store.commit(events=[event])
+            store.commit(Batch(events=(event,)))
 
         await self._lab.store.run(note)
         return Offer("enrol", ids, (), made.public_id, made.participant_token)

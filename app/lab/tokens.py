@@ -20,7 +20,7 @@ def token_hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-def desk_key(experimenter_token: str) -> str:
+def dashboard_key(experimenter_token: str) -> str:
     """What opens the pages of a dashboard that a browser asks for without our headers: frames, pictures, tabs.
 
     It follows from the token and does not lead back to it.

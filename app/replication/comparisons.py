@@ -11,6 +11,7 @@ from scipy import stats
 from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
 from app.replication.studies import SURVEYS, Values
 from study.analysis.analysis import compare
+from study.analysis.effect_sizes import NotFitted
 from study.analysis.linear_model import Anova, slope
 
 ALPHA = 0.05
@@ -110,7 +111,7 @@ def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Co
         result = compare(
             values.observations[key],
             measure,
-            None if measure in SURVEYS else kind,  # type: ignore[arg-type]
+            None if measure in SURVEYS else kind,
             CONDITIONS_IN_ORDER,
             mixed=False,
             intervals=False,
@@ -194,7 +195,7 @@ def goal_gains(studies: Sequence[Values]) -> tuple[GoalGain, ...]:
         ]
         counts = sorted({one.goals for found in of for one in found})
         lines = [slope([one.goals for one in found], [one.value for one in found]) for found in of]
-        known = [line for line in lines if hasattr(line, "per_unit")]
+        known = [line for line in lines if not isinstance(line, NotFitted)]
         rows.append(
             GoalGain(
                 condition=condition,

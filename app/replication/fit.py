@@ -21,14 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from app.config import LabError
-from app.progress_bar import ProgressBar
+from app.errors import LabError
 from app.replication.paper import TELEOPERATION, reported
 from app.simulated.participant import simulate_trial
+from app.simulated.progress import progress
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs
 from app.simulated.traits import TRAITS, Population
-from app.simulated.variants import Changes, changed_study, open_study
+from app.simulated.variants import Changes, changed_study
 from app.trial.robots import make_robot
+from app.trial.world import open_study
 from study.analysis.measures import Measures, measure
 from study.analysis.summaries import summarise
 
@@ -148,7 +149,7 @@ def fit(
     seed: int,
     workers: int = 1,
     rounds: int = 5,
-    say: Callable[[], None] = lambda: None,
+    say: Callable[[], object] = lambda: None,
 ) -> Fit:
     """Find the numbers of one variant. `say` is called after every evaluation. Raises `LabError` out of bounds."""
     if variant not in VARIANTS:
@@ -269,9 +270,8 @@ def run(variants: tuple[str, ...], participants: int, seed: int, workers: int, o
         raise LabError(f"{out}: there is no folder {out.parent}; make it first")
     fits = []
     for variant in variants:
-        bar = ProgressBar(f"evaluations of {variant}", 1 + 5 * (len(PARAMETERS) + 2))
-        fits.append(fit(variant, participants, seed, workers, say=bar.step))
-        bar.close()
+        with progress(f"evaluations of {variant}", 1 + 5 * (len(PARAMETERS) + 2)) as bar:
+            fits.append(fit(variant, participants, seed, workers, say=bar.update))
     if out is not None:
         out.write_text(as_json(fits, participants, seed), encoding="utf-8")
     return "\n\n".join(report(item) for item in fits)

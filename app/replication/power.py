@@ -15,15 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.config import LabError
-from app.progress_bar import ProgressBar
+from app.errors import LabError
 from app.replication.comparisons import ALPHA, compared
 from app.replication.paper import CIRCULAR, CLAIMS, Claim
 from app.replication.studies import Person, Pool, Values
 from app.replication.text import name_of
+from app.simulated.progress import progress
 from app.simulated.study import MAX_WORKERS, check_count, run_jobs
 
-SIZES = (6, 12, 18, 24, 36, 48)
 TARGET = 0.80
 BATCH = 25
 """Draws that a process takes at once: each batch costs it a copy of all people, and between batches progress shows."""
@@ -70,20 +69,16 @@ def power(
     claims = tuple(c for c in CLAIMS if c.verdict == "different" and (circular or c.measure not in CIRCULAR))
     jobs = [(size, draw) for size in wanted for draw in range(draws)]
     found: dict[tuple[int, int], dict[Claim, bool]] = {}
-    bar = ProgressBar("studies drawn", len(jobs))
-    try:
+    with progress("studies drawn", len(jobs)) as bar:
         if workers == 1:
             for job in jobs:
                 found[job] = _draw(pool, claims, seed, job)
-                bar.step()
+                bar.update()
         else:
             batches = [tuple(jobs[start : start + BATCH]) for start in range(0, len(jobs), BATCH)]
             for batch, results in run_jobs(partial(_draw_batch, pool, claims, seed), batches, workers):
-                for job, result in zip(batch, results, strict=True):
-                    found[job] = result
-                    bar.step()
-    finally:
-        bar.close()
+                found.update(zip(batch, results, strict=True))
+                bar.update(len(batch))
     chances = {
         claim: tuple(sum(found[size, draw][claim] for draw in range(draws)) / draws for size in wanted)
         for claim in claims

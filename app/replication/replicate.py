@@ -12,14 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from app.config import LabError
+from app.errors import LabError
 from app.replication.comparisons import GoalGain, Means, Share, compared, goal_gains, means, shares
 from app.replication.paper import Claim
 from app.replication.studies import MAX_STUDIES, Values, run_studies
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
 from app.simulated.traits import TRAITS, Population
-from app.simulated.variants import Changes, changed_study, parse_text
+from app.simulated.variants import Changes, changed_study
 from app.trial.setup import StudySetup
+from app.trial.world import parse_text
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.config import LabError
-from app.progress_bar import ProgressBar
+from app.errors import LabError
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
+from app.simulated.progress import progress
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
 from study.analysis.measures import measure
@@ -159,14 +159,11 @@ def run_studies(
     done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
     missing = [study for study in range(studies) if study not in done]
     if missing:
-        bar = ProgressBar(what, studies, len(done))
-        try:
+        with progress(what, studies, len(done)) as bar:
             for study, values in run_jobs(partial(run_study, plan, participants), missing, workers):
                 archive.save(study, values)
                 done[study] = values
-                bar.step()
-        finally:
-            bar.close()
+                bar.update()
     return [done[study] for study in range(studies)]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from app.config import LabError
+from app.errors import LabError
 from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
 from app.replication.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
 from app.replication.replicate import Replication, Variation, calibrated_alpha

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from app.autonomy.arbiter import RATIONALITY_PER_M
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
 from app.autonomy.transition import TransitionModel
@@ -26,13 +27,13 @@ CELLS_A_METRE = 200.0
 def fig2_heatmap(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> Heatmap:
     """Fig. 2 for a study's layout and objects (`settings`: its study file) under one trial's arbiter parameters.
 
-    What is not stated there is the shipped study's: layout `arc` with its objects, kappa 5 per metre, step 5 cm.
+    What is not stated there is the shipped study's: layout `arc` with its objects, and the model of `app.autonomy`.
     """
     layout = LAYOUTS.get(str(settings.get("layout", "")), LAYOUTS["arc"])
     placed = _placed(layout, settings.get("objects"))
     transition = parameters.get("transition", {})
     model = TransitionModel(**transition) if transition else TransitionModel()
-    rationality_per_m = float(parameters.get("rationality_per_m", 5.0))
+    rationality_per_m = float(parameters.get("rationality_per_m", RATIONALITY_PER_M))
     names = list(placed)
     belief = _belief(len(names))
     z_m = float(np.mean([position[2] for position in placed.values()]))

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from app.session import pages
-from app.session.interfaces import Client, Enrolment, Role, Surroundings
+from app.session.interfaces import Client, Enrolment, LabServices, Role
 from app.wire import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
 from sim.interface import TICK_S
-from study.flow.distractor import Alert as Reading
-from study.flow.distractor import DistractorState
+from study.flow.distractor import AlertState, DistractorState
 from study.flow.protocol import Session
 
 
-class Audience:
+class Connections:
     """The connected pages. A newcomer takes its role over from whoever had it."""
 
-    def __init__(self, enrolment: Enrolment, around: Surroundings) -> None:
+    def __init__(self, enrolment: Enrolment, services: LabServices) -> None:
         self._enrolment = enrolment
-        self._around = around
+        self._services = services
         self._clients: dict[Role, Client | None] = {"participant": None, "panel": None}
 
     def join(self, client: Client) -> Client | None:
@@ -60,17 +58,17 @@ class Audience:
 
     def welcome(self, client: Client, last_seq: int) -> None:
         """The first message on a socket."""
-        distractor = self._around.study.distractor
+        distractor = self._services.study.distractor
         client.deliver(
             Welcome(
                 role=client.role,
                 session=self._enrolment.public_id,
-                study_title=self._around.study.title,
+                study_title=self._services.study.title,
                 pace=self._enrolment.pace,
                 tick_s=TICK_S,
-                heartbeat_ms=self._around.config.heartbeat_ms,
+                heartbeat_ms=self._services.config.heartbeat_ms,
                 placement=distractor.placement if distractor.enabled else "none",
-                show_assistance=self._around.study.show_assistance,
+                show_assistance=self._services.study.show_assistance,
                 last_seq=last_seq,
                 demo=self._enrolment.demo,
             )
@@ -103,11 +101,11 @@ class Audience:
         """A line from the experimenter."""
         self._tell("participant", Notice(text=text))
 
-    def show_reading(self, reading: Reading | None, distractor: DistractorState, trial_s: float) -> None:
+    def show_reading(self, reading: AlertState | None, distractor: DistractorState, trial_s: float) -> None:
         """A reading, open or closed, to the page the study puts it on."""
         if reading is None:
             return
-        settings = self._around.study.distractor
+        settings = self._services.study.distractor
         message: Message
         if reading.status == "open":
             message = Alert(
@@ -149,4 +147,4 @@ def panel_page(session: Session) -> Page:
     """The second device's page: `trial` while readings may come, `paused`, `waiting`, or how the session ended."""
     live = session.state if session.place == "trial" else "waiting"
     state = session.state if session.is_over else live
-    return pages.Page(state=state, trial=None, trials=session.trials, content={})
+    return Page(state=state, trial=None, trials=session.trials, content={})

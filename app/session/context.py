@@ -8,29 +8,28 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from app.session import pages
-from app.session.connections import Audience
-from app.session.history import Recent
-from app.session.interfaces import Enrolment, Surroundings, Vitals
+from app.session.connections import Connections
+from app.session.history import History
+from app.session.interfaces import Enrolment, LabServices, Vitals
 from app.session.pages import PageContext
 from app.session.private_text import Private
 from app.session.round_trips import RoundTrips
-from app.session.running_trial import Phase
-from app.session.spectators import Onlookers
+from app.session.running_trial import RunningTrial
+from app.session.spectators import Spectators
 from app.session.worker_link import WorkerLink
-from app.trial.cycles import cycle_to_json
-from app.trial.engine import CycleStart
-from app.wire import Instruction, Status
+from app.trial.values import CycleStart, cycle_to_json
+from app.wire import Instruction, Page, Status
 from study.flow.distractor import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
 from study.flow.protocol import Session
-from study.records import EventRow, utc_text
-from study.store import Cycle
+from study.records import AlertRow, EventRow, utc_text
+from study.store import Batch, Cycle, Identity, Submission
 
 Source = Literal["participant", "experimenter", "lab", "robot"]
 
 
 @dataclass
-class Stage:
+class SessionContext:
     """One session, to the parts that act on it (`app.session.session` says who does what).
 
     `noticed` is what was measured during a trial and not written yet: it goes to disk with the next tick.
@@ -39,14 +38,14 @@ class Stage:
     """
 
     enrolment: Enrolment
-    around: Surroundings
+    services: LabServices
     session: Session
     vitals: Vitals
-    audience: Audience
+    connections: Connections
     link: WorkerLink
-    onlookers: Onlookers
-    phase: Phase
-    recent: Recent
+    spectators: Spectators
+    running: RunningTrial
+    history: History
     round_trips: RoundTrips
     lacking: tuple[Check, ...] = ()
     last_seq: int = 0
@@ -55,34 +54,31 @@ class Stage:
 
     # ---- the record ---------------------------------------------------------------------------------------------
 
-    async def commit(
-        self,
-        *,
-        alerts: Iterable[int] = (),
-        cycle: CycleStart | None = None,
-        submission: str | None = None,
-        response: Mapping[str, Any] | None = None,
-        private: Private = (),
-        practice: bool = False,
-        **rows: Any,
-    ) -> None:
-        """Write one batch; it is on disk when this returns. Rows of `alerts` (numbers) are made here.
+    async def commit(self, batch: Batch) -> None:
+        """Write one batch; it is on disk when this returns."""
+        await self.services.store.run(lambda store: store.commit(batch))
+        self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 
-        `submission` is the message that caused it, `response` what a resend of the same message is answered with.
-        `private` are words that no export holds (see `app.session.private_text`), `practice` is what a `cycle`
-        belongs to.
-        """
-        participant, trial, distractor = self.enrolment.participant, self.session.trial, self.phase.distractor
+    def alert_rows(self, numbers: Iterable[int]) -> tuple[AlertRow, ...]:
+        """The rows of these readings of the trial as they stand."""
+        participant, trial, distractor = self.enrolment.participant, self.session.trial, self.running.distractor
         condition = self.enrolment.plan.trial(trial).condition
-        found = [distractor.alert(number) for number in dict.fromkeys(alerts)]
-        alert_rows = [distractor.row(alert, participant, condition, trial) for alert in found if alert]
-        cycles = [Cycle(participant, trial, practice, cycle.cycle, cycle_to_json(cycle))] if cycle else []
-        apart = [(participant, kind, text) for kind, text in private]
-        sent = (participant, submission, dict(response or {})) if submission else None
-        await self.around.store.run(
-            lambda store: store.commit(alerts=alert_rows, cycles=cycles, submission=sent, identities=apart, **rows)
-        )
-        self.recent.add_events(event for event in rows.get("events", ()) if event.kind != "round_trip")
+        found = [distractor.alert(number) for number in dict.fromkeys(numbers)]
+        return tuple(distractor.row(alert, participant, condition, trial) for alert in found if alert)
+
+    def cycle_rows(self, start: CycleStart | None, practice: bool) -> tuple[Cycle, ...]:
+        """The start of a cycle of the practice, or the trial, for the store."""
+        if start is None:
+            return ()
+        return (Cycle(self.enrolment.participant, self.session.trial, practice, start.cycle, cycle_to_json(start)),)
+
+    def submission(self, message_id: str, response: Mapping[str, Any] | None = None) -> Submission:
+        """The message that caused a batch, and what a resend of it is answered with."""
+        return Submission(self.enrolment.participant, message_id, dict(response or {}))
+
+    def identities(self, private: Private) -> tuple[Identity, ...]:
+        """Words that no export holds (see `app.session.private_text`), for the store."""
+        return tuple(Identity(self.enrolment.participant, kind, text) for kind, text in private)
 
     def event(self, kind: str, source: Source, data: Mapping[str, Any]) -> EventRow:
         """A row about this moment."""
@@ -90,8 +86,8 @@ class Stage:
         return EventRow(
             participant=self.enrolment.participant,
             trial=self.session.trial if in_trial else None,
-            tick=self.phase.tick if in_trial else None,
-            utc=utc_text(self.around.now_unix_s()),
+            tick=self.running.tick if in_trial else None,
+            utc=utc_text(self.services.now_unix_s()),
             kind=kind,
             source=source,
             data=json.dumps(dict(data), default=str),
@@ -102,39 +98,39 @@ class Stage:
         if self.session.state == "trial":
             self.noticed.append(self.event(kind, source, data))
 
-    # ---- the phase ----------------------------------------------------------------------------------------------
+    # ---- the practice or trial under way ---------------------------------------------------------------------------
 
     async def forget_phase(self) -> None:
-        """End the worker and forget the phase it ran."""
-        self.phase = Phase(DistractorState(self.around.study.distractor))
+        """End the worker and forget the practice or trial it ran."""
+        self.running = RunningTrial(DistractorState(self.services.study.distractor))
         self.noticed.clear()
-        self.recent.forget_ticks()
+        self.history.forget_ticks()
         await self.link.stop()
 
     def lacks_panel(self) -> bool:
         """Whether a trial is next and its readings would appear on a second device that nobody has opened."""
-        distractor = self.around.study.distractor
+        distractor = self.services.study.distractor
         on_panel = distractor.enabled and distractor.placement == "second_device"
-        return self.session.place == "trial_ready" and on_panel and self.audience.panel is None
+        return self.session.place == "trial_ready" and on_panel and self.connections.panel is None
 
     def is_away(self) -> bool:
         """Whether a reading keeps the hands off the pad."""
         if self.session.place != "trial":
             return False
         paced = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.link.held
-        return self.phase.is_away(self.around.now_unix_s(), paced)
+        return self.running.is_away(self.services.now_unix_s(), paced)
 
     # ---- what the pages get -------------------------------------------------------------------------------------
 
-    def page(self) -> pages.Page:
+    def page(self) -> Page:
         """The participant's page."""
         practice = self.session.place in ("practice_ready", "practice")
         shown: Instruction | None = None
-        if self.phase.view is not None:
-            shown = pages.instruction(self.phase.view, self.around.labels, practice)
+        if self.running.view is not None:
+            shown = pages.instruction(self.running.view, self.services.labels, practice)
         scene_path = f"/s/{self.enrolment.public_id}/scene/"
         context = PageContext(
-            study=self.around.study,
+            study=self.services.study,
             scene_path=scene_path,
             panel_link=self.panel_link,
             instruction=shown,
@@ -146,8 +142,8 @@ class Stage:
 
     def measure(self) -> None:
         """Measure the round trip of a page whose device is being checked, if the study asks for it."""
-        client = self.audience.participant
-        is_asked = "round_trip" in checks_of(self.around.study.eligibility)
+        client = self.connections.participant
+        is_asked = "round_trip" in checks_of(self.services.study.eligibility)
         if client is not None and self.session.state == "eligibility" and is_asked:
             self.round_trips.measure(client, PINGS)
 
@@ -165,5 +161,5 @@ class Stage:
 
     def show_all(self) -> None:
         """The page and the status, to everybody it concerns."""
-        self.audience.show_page(self.page(), self.session)
-        self.audience.show_status(self.status())
+        self.connections.show_page(self.page(), self.session)
+        self.connections.show_status(self.status())

@@ -17,7 +17,7 @@ from app.autonomy.actions import index_of
 from app.autonomy.arbiter import ArbiterParameters, entropy_weights, evaluate
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
-from app.session.pages import Labels
+from app.trial.labels import Labels
 from app.trial.values import TrialSetup
 from sim.interface import SceneSpec, Vector3
 from study.records import TickRow
@@ -56,7 +56,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Thought:
+class TickExplanation:
     """One tick as the experimenter sees it."""
 
     phase: str
@@ -87,23 +87,23 @@ def scores_of(row: TickRow, parameters: ArbiterParameters) -> Scores | None:
     _, goals_m, belief = _goals(row)
     position, momentum = (row.p_x, row.p_y, row.p_z), (row.m_x, row.m_y, row.m_z)
     # The row's belief is the one after the tick's update, so nothing is learned once more.
-    thought = evaluate(position, momentum, goals_m, belief, None, parameters)
+    explanation = evaluate(position, momentum, goals_m, belief, None, parameters)
     chosen = index_of(action)
-    f1, f2 = entropy_weights(thought.entropy, parameters.entropy_floor)
+    f1, f2 = entropy_weights(explanation.entropy, parameters.entropy_floor)
     alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
-    information, reward_m = float(thought.information_gain[chosen]), float(thought.hindsight_reward[chosen])
+    information, reward_m = float(explanation.information_gain[chosen]), float(explanation.hindsight_reward[chosen])
     weighted = alpha * f1 * information, parameters.beta * f2 * reward_m
     return Scores(information, reward_m, *weighted, score=sum(weighted))
 
 
-def thought_of(row: TickRow, setup: TrialSetup, labels: Labels) -> Thought:
+def explain_tick(row: TickRow, setup: TrialSetup, labels: Labels) -> TickExplanation:
     """Everything about a tick that the experimenter's page shows."""
     places, belief = json.loads(row.goals), json.loads(row.belief)
     goals = tuple(
         Goal(name, label_of(name, labels), _vector(places.get(name)), float(probability), name == row.goal)
         for name, probability in belief.items()
     )
-    return Thought(
+    return TickExplanation(
         phase=setup.kind,
         trial=row.trial,
         tick=row.tick,

@@ -15,7 +15,7 @@ SHARE_OVER_TICKS = 20
 MAX_SIGNALS = 2000
 
 
-class Recent:
+class History:
     """The last rows of one session. Everything in it is on disk already.
 
     Attributes:

@@ -6,10 +6,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from app.config import LabConfig
-from app.session.pages import Labels
+from app.config import LabConfig, Pace
+from app.trial.labels import Labels
 from app.wire import Message
-from app.worker.messages import Pace, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
 from study.flow.distractor import DistractorState
 from study.flow.protocol import WorkerKind
@@ -90,7 +90,7 @@ class Vitals:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LabServices:
     """What a live session needs of the lab it lives in."""
 
     store: AsyncStore

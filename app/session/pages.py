@@ -9,14 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.trial.labels import Labels
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
 from app.wire import Instruction, Page, Tick
 from sim import views
+from study.definition.link_placeholders import filled
 from study.definition.study import Study
 from study.flow.answers import describe
 from study.flow.eligibility import checks_of, tones_of
-from study.flow.open_link import filled
 from study.flow.protocol import Session
 
 VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
@@ -34,14 +35,6 @@ FAILURES: Mapping[str, str] = {
 
 
 ENDED_EARLY = "This round was ended early. Please go on from here."
-
-
-@dataclass(frozen=True)
-class Labels:
-    """The words for objects and bins, by id."""
-
-    objects: Mapping[str, str]
-    bins: Mapping[str, str]
 
 
 def instruction(view: TrialView, labels: Labels, practice: bool) -> Instruction:

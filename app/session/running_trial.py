@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
-from app.trial.engine import TrialView
+from app.trial.values import TrialView
 from app.wire import World
 from app.worker.messages import Ready, Ticked
 from sim.interface import TICK_S
-from study.flow.distractor import Alert, DistractorState
+from study.flow.distractor import AlertState, DistractorState
 
 
 @dataclass
-class Phase:
-    """Where a phase stands. A tick that could not be recorded did not happen: `copy` before it, `restore` after.
+class RunningTrial:
+    """Where a practice or a trial stands. A tick that could not be recorded did not happen: `copy` before it and
+    `restore` after.
 
     `trial_s` is the trial time at the end of the last tick. `next_tick_unix_s` is when the next one is due in real
     time. `view` and `world` are what the pages show, once a worker has said so.
@@ -28,40 +29,40 @@ class Phase:
     world: World | None = None
 
     @classmethod
-    def resumed(cls, distractor: DistractorState, tick: int | None) -> Phase:
-        """The phase whose last tick on disk is `tick`."""
+    def resumed(cls, distractor: DistractorState, tick: int | None) -> RunningTrial:
+        """The one whose last tick on disk is `tick`."""
         return cls(distractor, tick, 0.0 if tick is None else (tick + 1) * TICK_S)
 
     def numbered_on(self, tick: int) -> None:
         """Its first tick will be this one."""
         self.tick, self.trial_s = (tick - 1, tick * TICK_S) if tick else (None, 0.0)
 
-    def copy(self) -> Phase:
+    def copy(self) -> RunningTrial:
         """As it is now."""
         return replace(self)
 
-    def restore(self, before: Phase) -> None:
+    def restore(self, before: RunningTrial) -> None:
         """Back to what `copy` gave."""
         for item in fields(self):
             setattr(self, item.name, getattr(before, item.name))
 
     def ready(self, report: Ready) -> None:
         """The worker stands where the record ends."""
-        self.view, self.world = report.view, World(**vars(report.sight))
+        self.view, self.world = report.view, World(**vars(report.world))
 
     def ticked(self, report: Ticked) -> None:
         """The worker has run a tick."""
         row = report.result.row
         self.tick, self.trial_s, self.view = row.tick, (row.tick + 1) * TICK_S, report.result.view
         self.next_tick_unix_s = report.started_unix_s - (report.late_ms or 0.0) / 1000.0 + TICK_S
-        self.world = World(**vars(report.sight))
+        self.world = World(**vars(report.world))
 
-    def advance_distractor(self, reading: Callable[[int], str], finished: bool) -> tuple[Alert, ...]:
+    def advance_distractor(self, reading: Callable[[int], str], finished: bool) -> tuple[AlertState, ...]:
         """The alerts that were raised, expired, or closed by the end of the trial, in order."""
         self.distractor, changed = self.distractor.advance(self.trial_s, reading)
         return (*changed, *self.close_distractor()) if finished else changed
 
-    def close_distractor(self) -> tuple[Alert, ...]:
+    def close_distractor(self) -> tuple[AlertState, ...]:
         """The trial is over: the alert that was still open, closed."""
         self.distractor, closed = self.distractor.close()
         return closed

@@ -22,22 +22,23 @@ from typing import Any, Literal
 
 from app.session import pages
 from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
-from app.session.connections import Audience, panel_page, refuse
-from app.session.context import Stage
-from app.session.history import Recent
-from app.session.interfaces import Client, Enrolment, Resumed, Surroundings, Vitals
+from app.session.connections import Connections, panel_page, refuse
+from app.session.context import SessionContext
+from app.session.history import History
+from app.session.interfaces import Client, Enrolment, LabServices, Resumed, Vitals
 from app.session.private_text import apart
 from app.session.round_trips import RoundTrips
-from app.session.running_trial import Phase
-from app.session.spectators import Onlookers
+from app.session.running_trial import RunningTrial
+from app.session.spectators import Spectators
 from app.session.submissions import Submissions
-from app.session.transitions import Course
+from app.session.transitions import Transitions
 from app.session.worker_link import WorkerLink
-from app.trial.engine import TrialView
-from app.trial.values import TrialSetup
+from app.trial.labels import Labels
+from app.trial.values import TrialSetup, TrialView
 from app.wire import Heartbeat, Input, Message, Pong
-from app.worker.messages import Hands, WorkerReport
+from app.worker.messages import ControlsState, WorkerReport
 from study.flow.protocol import Event, Session
+from study.store import Batch
 
 log = logging.getLogger(__name__)
 
@@ -58,35 +59,35 @@ class _Work:
 class LiveSession:
     """See the module's text."""
 
-    def __init__(self, enrolment: Enrolment, session: Session, resumed: Resumed, around: Surroundings) -> None:
+    def __init__(self, enrolment: Enrolment, session: Session, resumed: Resumed, services: LabServices) -> None:
         self.enrolment = enrolment
-        self._around = around
+        self._services = services
         self._queue: asyncio.Queue[_Work] = asyncio.Queue()
-        self._audience = Audience(enrolment, around)
-        self._link = WorkerLink(around, enrolment.participant, self._on_worker_report, self._on_worker_exit)
-        self._stage = Stage(
+        self._connections = Connections(enrolment, services)
+        self._link = WorkerLink(services, enrolment.participant, self._on_worker_report, self._on_worker_exit)
+        self._context = SessionContext(
             enrolment=enrolment,
-            around=around,
+            services=services,
             session=session,
             vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound, help_wanted=resumed.help_wanted),
-            audience=self._audience,
+            connections=self._connections,
             link=self._link,
-            onlookers=Onlookers(self._link),
-            phase=Phase.resumed(resumed.distractor, resumed.tick),
-            recent=Recent(resumed.events),
-            round_trips=RoundTrips(around.now_unix_s),
+            spectators=Spectators(self._link),
+            running=RunningTrial.resumed(resumed.distractor, resumed.tick),
+            history=History(resumed.events),
+            round_trips=RoundTrips(services.now_unix_s),
             last_seq=resumed.last_seq,
         )
-        self._course = Course(self._stage)
-        self._submissions = Submissions(self._stage, self._course)
+        self._transitions = Transitions(self._context)
+        self._submissions = Submissions(self._context, self._transitions)
         self._task: asyncio.Task[None] | None = None
-        self._left_s = around.now_unix_s()
+        self._left_s = services.now_unix_s()
 
     # ---- what the lab and the server call -----------------------------------------------------------------------
 
     async def open(self) -> None:
         """Bring back what a restart of the lab interrupted, and start dealing with the queue."""
-        await self._course.restore()
+        await self._transitions.restore()
         self._task = asyncio.create_task(self._run(), name=f"session {self.enrolment.participant}")
 
     async def close(self) -> None:
@@ -96,9 +97,9 @@ class LiveSession:
             await asyncio.gather(self._task, return_exceptions=True)
         while not self._queue.empty():
             _closed(self._queue.get_nowait())
-        self._stage.onlookers.end()
-        await self._stage.forget_phase()
-        self._audience.end()
+        self._context.spectators.end()
+        await self._context.forget_phase()
+        self._connections.end()
 
     def attach(self, client: Client) -> None:
         """A page connected and said hello."""
@@ -129,56 +130,56 @@ class LiveSession:
 
     def check_worker(self) -> None:
         """End a worker that hangs; another takes over from the log."""
-        if self._stage.session.is_ticking and self._link.ready and self.enrolment.pace == "real_time":
+        if self._context.session.is_ticking and self._link.ready and self.enrolment.pace == "real_time":
             self._link.end_if_hung()
 
     def expect(self) -> None:
         """Somebody is about to connect."""
-        self._left_s = self._around.now_unix_s()
+        self._left_s = self._services.now_unix_s()
 
     def deserted(self, for_s: float) -> bool:
         """Whether nobody has been connected for so long. It can then be closed: it is brought back where it was."""
         alone = not self.connected and not self.panel_connected and self._queue.empty()
-        return alone and self._around.now_unix_s() - self._left_s > for_s
+        return alone and self._services.now_unix_s() - self._left_s > for_s
 
-    # ---- what onlookers read ------------------------------------------------------------------------------------
+    # ---- what spectators read ------------------------------------------------------------------------------------
 
     @property
     def session(self) -> Session:
         """Where the participant is in the study."""
-        return self._stage.session
+        return self._context.session
 
     @property
     def vitals(self) -> Vitals:
         """How the page is doing."""
-        return self._stage.vitals
+        return self._context.vitals
 
     @property
-    def recent(self) -> Recent:
+    def history(self) -> History:
         """The last ticks and events."""
-        return self._stage.recent
+        return self._context.history
 
     @property
     def circumstances(self) -> Circumstances:
         """What decides what an experimenter can do now."""
-        stage = self._stage
+        context = self._context
         return Circumstances(
-            session=stage.session,
+            session=context.session,
             connected=self.connected,
             ready=self._link.ready,
-            lacks_panel=stage.lacks_panel(),
-            help_wanted=stage.vitals.help_wanted,
+            lacks_panel=context.lacks_panel(),
+            help_wanted=context.vitals.help_wanted,
         )
 
     @property
     def view(self) -> TrialView | None:
         """The trial as it stands, if one is under way."""
-        return self._stage.phase.view
+        return self._context.running.view
 
     @property
     def trial_s(self) -> float | None:
         """Trial time at the end of the last tick; None when no worker is needed."""
-        return self._stage.phase.trial_s if self._stage.session.worker else None
+        return self._context.running.trial_s if self._context.session.worker else None
 
     @property
     def held(self) -> bool:
@@ -191,29 +192,29 @@ class LiveSession:
         return self._link.scene_port
 
     @property
-    def onlookers(self) -> Onlookers:
+    def spectators(self) -> Spectators:
         """The experimenters who look at it in 3-D."""
-        return self._stage.onlookers
+        return self._context.spectators
 
     @property
     def setup(self) -> TrialSetup | None:
-        """What the phase's worker was started with, while there is one."""
+        """What the worker was started with, while there is one."""
         return self._link.setup
 
     @property
-    def labels(self) -> pages.Labels:
+    def labels(self) -> Labels:
         """The words for objects and bins."""
-        return self._around.labels
+        return self._services.labels
 
     @property
     def connected(self) -> bool:
         """Whether the participant's page is connected."""
-        return self._audience.participant is not None
+        return self._connections.participant is not None
 
     @property
     def panel_connected(self) -> bool:
         """Whether the second device is connected."""
-        return self._audience.panel is not None
+        return self._connections.panel is not None
 
     # ---- the queue ----------------------------------------------------------------------------------------------
 
@@ -234,8 +235,8 @@ class LiveSession:
             "attach": self._on_attach,
             "detach": self._on_detach,
             "message": self._on_message,
-            "report": lambda work: self._course.on_report(*work.payload),
-            "exit": lambda work: self._course.on_exit(work.payload),
+            "report": lambda work: self._transitions.on_report(*work.payload),
+            "exit": lambda work: self._transitions.on_exit(work.payload),
             "command": self._on_command,
             "remark": self._on_remark,
             "ping": self._on_ping,
@@ -251,7 +252,7 @@ class LiveSession:
                 raise
             except Exception as error:
                 self._could_not(work, error)
-            self._around.changed(self.enrolment.participant)
+            self._services.changed(self.enrolment.participant)
 
     def _could_not(self, work: _Work, error: Exception) -> None:
         """Something went wrong with one piece of work; the session goes on with the next."""
@@ -264,100 +265,101 @@ class LiveSession:
             text = "the lab could not deal with this; nothing was lost, please try again"
             refuse(work.client, "internal", None, text, getattr(work.payload, "id", None))
         if work.kind == "report":
-            self._course.report_failed(work.payload[0])
+            self._transitions.report_failed(work.payload[0])
 
     # ---- connections --------------------------------------------------------------------------------------------
 
     async def _on_attach(self, work: _Work) -> None:
-        client, stage = _present(work.client), self._stage
-        previous = self._audience.join(client)
+        client, context = _present(work.client), self._context
+        previous = self._connections.join(client)
         kind = "tab_taken_over" if previous is not None else "connected"
-        await stage.commit(events=(stage.event(kind, "participant", {"role": client.role, "client": client.name}),))
-        if self._around.study.distractor.placement == "second_device" and stage.panel_link is None:
-            stage.panel_link = await self._around.panel_link()
-        self._audience.welcome(client, stage.last_seq)
-        client.deliver(stage.page() if client.role == "participant" else panel_page(stage.session))
+        event = context.event(kind, "participant", {"role": client.role, "client": client.name})
+        await context.commit(Batch(events=(event,)))
+        if self._services.study.distractor.placement == "second_device" and context.panel_link is None:
+            context.panel_link = await self._services.panel_link()
+        self._connections.welcome(client, context.last_seq)
+        client.deliver(context.page() if client.role == "participant" else panel_page(context.session))
         if client.role == "participant":
-            stage.measure()
-        status = stage.status()
+            context.measure()
+        status = context.status()
         if status is not None:
             client.deliver(status)
-        self._audience.show_world(stage.phase.world)
-        self._audience.show_cover(stage.phase.distractor, stage.phase.trial_s)
+        self._connections.show_world(context.running.world)
+        self._connections.show_cover(context.running.distractor, context.running.trial_s)
 
     async def _on_detach(self, work: _Work) -> None:
-        client, stage = _present(work.client), self._stage
-        if not self._audience.leave(client):
+        client, context = _present(work.client), self._context
+        if not self._connections.leave(client):
             return
-        self._left_s = self._around.now_unix_s()
-        event = stage.event("disconnected", "participant", {"role": client.role, "client": client.name})
-        if client.role == "participant" and not stage.session.is_over:
-            await self._course.advance(Event("connection_lost"), events=(event,))
+        self._left_s = self._services.now_unix_s()
+        event = context.event("disconnected", "participant", {"role": client.role, "client": client.name})
+        if client.role == "participant" and not context.session.is_over:
+            await self._transitions.advance(Event("connection_lost"), Batch(events=(event,)))
         else:
-            await stage.commit(events=(event,))
+            await context.commit(Batch(events=(event,)))
 
     async def _on_ping(self, work: _Work) -> None:
-        client = self._audience.participant
+        client = self._connections.participant
         if client is not None:
-            self._stage.round_trips.probe(client)
+            self._context.round_trips.probe(client)
 
     async def _on_message(self, work: _Work) -> None:
         client, message = _present(work.client), work.payload
-        if not self._audience.holds(client):
+        if not self._connections.holds(client):
             return  # taken over: it has been told, and its socket is about to close
         if not isinstance(message, Pong):
             await self._submissions.on_message(client, message)
         elif client.role == "participant":
-            round_trip_ms = self._stage.round_trips.answered(client, message)
+            round_trip_ms = self._context.round_trips.answered(client, message)
             if round_trip_ms is not None:
                 self.vitals.round_trip_ms = round_trip_ms
-                self._stage.notice("round_trip", "lab", {"ms": round(round_trip_ms, 1)})
+                self._context.notice("round_trip", "lab", {"ms": round(round_trip_ms, 1)})
 
     # ---- hands --------------------------------------------------------------------------------------------------
 
     def _on_hands(self, client: Client, message: Input | Heartbeat) -> None:
-        stage = self._stage
-        if self._audience.holds(client):
+        context = self._context
+        if self._connections.holds(client):
             self._link.page_heard()
         if client.role != "participant":
             refuse(client, "illegal", "type", "the second device does not drive the robot")
-        elif not self._audience.holds(client):
+        elif not self._connections.holds(client):
             pass  # taken over, or not let in yet: the page says its state again with the next heartbeat
         elif isinstance(message, Heartbeat):
             self._on_heartbeat(message)
-        elif not stage.last_seq < message.seq <= stage.last_seq + MAX_SEQ_STEP:
+        elif not context.last_seq < message.seq <= context.last_seq + MAX_SEQ_STEP:
             text = (
-                f"seq {message.seq} does not follow {stage.last_seq}, the last one taken "
+                f"seq {message.seq} does not follow {context.last_seq}, the last one taken "
                 f"(at most {MAX_SEQ_STEP} may be left out); it was ignored"
             )
             refuse(client, "out_of_order", "seq", text)
         else:
-            stage.recent.heard(self._around.now_unix_s())
-            stage.last_seq = message.seq
+            context.history.heard(self._services.now_unix_s())
+            context.last_seq = message.seq
             self._on_input(client, message)
 
     def _on_heartbeat(self, message: Heartbeat) -> None:
-        stage, vitals = self._stage, self.vitals
-        stage.recent.heard(self._around.now_unix_s())
+        context, vitals = self._context, self.vitals
+        context.history.heard(self._services.now_unix_s())
         before = replace(vitals)
         vitals.visible, vitals.focused, vitals.device = message.visible, message.focused, message.device
         if message.focused != before.focused and before.focused is not None:
-            stage.notice("focus_back" if message.focused else "focus_lost", "participant", {})
+            context.notice("focus_back" if message.focused else "focus_lost", "participant", {})
         if vitals != before:
-            self._around.changed(self.enrolment.participant)
+            self._services.changed(self.enrolment.participant)
         if self.enrolment.pace == "real_time":
             # It repeats an input, so it cannot be ahead of the last one: that one was lost with the connection.
-            seq = min(message.seq, stage.last_seq)
-            self._link.send(Hands(seq, None if stage.is_away() else message.direction, beat=True))
+            seq = min(message.seq, context.last_seq)
+            self._link.send(ControlsState(seq, None if context.is_away() else message.direction, beat=True))
 
     def _on_input(self, client: Client, message: Input) -> None:
-        stage = self._stage
-        if self.enrolment.pace == "lockstep" and not (stage.session.is_ticking and self._link.ready):
-            text = f"no tick can run in state {stage.session.state!r} now; the input was ignored"
+        context = self._context
+        if self.enrolment.pace == "lockstep" and not (context.session.is_ticking and self._link.ready):
+            text = f"no tick can run in state {context.session.state!r} now; the input was ignored"
             refuse(client, "illegal", "type", text)
             return
-        direction, pressed = (None, None) if stage.is_away() else (message.direction, message.gripper)
-        self._link.send(Hands(message.seq, direction, pressed))
+        direction, pressed = (None, None) if context.is_away() else (message.direction, message.gripper)
+        self._link.send(ControlsState(message.seq, direction, pressed))
 
     # ---- the experimenter ---------------------------------------------------------------------------------------
 
@@ -366,24 +368,26 @@ class LiveSession:
         refuse_unless(command.name, self.circumstances)
         kind = EVENTS[command.name]
         data, private = apart(kind, command.words)
-        event = self._stage.event(kind, "experimenter", {"by": by, **data})
-        await self._course.advance(Event(kind), events=(event,), private=private)
+        event = self._context.event(kind, "experimenter", {"by": by, **data})
+        await self._transitions.advance(
+            Event(kind), Batch(events=(event,), identities=self._context.identities(private))
+        )
         if command.name == "abort_trial":
-            self._audience.show_notice(pages.ENDED_EARLY)
-        self._stage.measure()
+            self._connections.show_notice(pages.ENDED_EARLY)
+        self._context.measure()
 
     async def _on_remark(self, work: _Work) -> None:
         remark, by = work.payload
-        stage, view = self._stage, self.view
+        context, view = self._context, self.view
         refuse_unless(remark.name, self.circumstances)
         task = {"task": view.done_tasks + 1, "kind": view.kind} if view and remark.name == "task_marked" else {}
         data, private = apart(remark.name, remark.text)
-        event = stage.event(remark.name, "experimenter", {"by": by, **task, **data})
-        await stage.commit(events=(event,), private=private)
+        event = context.event(remark.name, "experimenter", {"by": by, **task, **data})
+        await context.commit(Batch(events=(event,), identities=context.identities(private)))
         if remark.name == "message":
-            self._audience.show_notice(remark.text)
+            self._connections.show_notice(remark.text)
         elif remark.name == "help_seen":
-            stage.vitals.help_wanted = False
+            context.vitals.help_wanted = False
 
 
 def _closed(work: _Work) -> None:

@@ -14,7 +14,7 @@ LINGERS_S = 5.0
 """After the last has left the view stays so long: a page that is reloaded finds it again."""
 
 
-class Onlookers:
+class Spectators:
     """Those of one session. `link` is the line to its worker, whichever that is."""
 
     def __init__(self, link: WorkerLink, lingers_s: float = LINGERS_S) -> None:

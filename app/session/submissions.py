@@ -7,23 +7,24 @@ from typing import Any
 
 from app.session import pages
 from app.session.connections import acknowledge, refuse
-from app.session.context import Stage
+from app.session.context import SessionContext
 from app.session.interfaces import Client
 from app.session.private_text import apart
-from app.session.transitions import Course
-from app.steps import STEPS, AlertData, Refused, StepContext, parse
+from app.session.transitions import Transitions
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
 from study.flow import protocol
+from study.flow.steps import STEPS, AlertData, Refused, StepContext, parse
 from study.records import EventRow
+from study.store import Batch, ConsentGiven
 
 
 class Submissions:
     """Deals with what the pages of one session hand in."""
 
-    def __init__(self, stage: Stage, course: Course) -> None:
-        self._stage = stage
-        self._course = course
+    def __init__(self, context: SessionContext, transitions: Transitions) -> None:
+        self._context = context
+        self._transitions = transitions
 
     async def on_message(self, client: Client, message: Message) -> None:
         """A page sent something that is not about the hands."""
@@ -31,8 +32,8 @@ class Submissions:
             await self._on_submit(client, message)
         elif isinstance(message, Note):
             data = {**message.data, "role": client.role}
-            event = self._stage.event(message.name, "participant", data)
-            await self._stage.commit(submission=message.id, events=(event,))
+            event = self._context.event(message.name, "participant", data)
+            await self._context.commit(Batch(submission=self._context.submission(message.id), events=(event,)))
             acknowledge(client, message.id)
         elif isinstance(message, View):
             await self._on_view(client, message)
@@ -44,13 +45,13 @@ class Submissions:
         if message.name not in dict(pages.VIEWS):
             refuse(client, "invalid", "name", f"no view {message.name!r}; there are {list(dict(pages.VIEWS))}")
             return
-        self._stage.link.send(SetView(message.name))
-        event = self._stage.event("view", "participant", {"name": message.name})
-        await self._stage.commit(events=(event,))
+        self._context.link.send(SetView(message.name))
+        event = self._context.event("view", "participant", {"name": message.name})
+        await self._context.commit(Batch(events=(event,)))
 
     async def _on_submit(self, client: Client, message: Submit) -> None:
-        stage, participant = self._stage, self._stage.enrolment.participant
-        answered = await stage.around.store.run(lambda store: store.response(participant, message.id))
+        context, participant = self._context, self._context.enrolment.participant
+        answered = await context.services.store.run(lambda store: store.response(participant, message.id))
         if answered is not None:
             _answer_again(client, message.id, answered)
             return
@@ -65,86 +66,86 @@ class Submissions:
             fields = [place for place, _ in refused.problems]
             if refused.kept or refused.log:
                 kind, data = refused.log or ("answers_not_right", {"step": message.step, "fields": fields})
-                event = stage.event(kind, "participant", data)
+                event = context.event(kind, "participant", data)
                 response = {"code": refused.code, "problems": refused.problems}
-                await stage.commit(submission=message.id, response=response, answers=refused.kept, events=(event,))
+                submission = context.submission(message.id, response)
+                await context.commit(Batch(submission=submission, answers=refused.kept, events=(event,)))
             for place, text in refused.problems:
                 refuse(client, refused.code, place, text, message.id)
             if message.step == "eligibility" and refused.log:
-                stage.lacking = tuple(refused.log[1]["lacking"])
-                stage.measure()
+                context.lacking = tuple(refused.log[1]["lacking"])
+                context.measure()
         except protocol.IllegalEvent as illegal:
             refuse(client, "illegal", "step", str(illegal), message.id)
-            client.deliver(stage.page())
+            client.deliver(context.page())
 
     async def _on_step(self, client: Client, message: Submit) -> None:
-        stage = self._stage
-        condition = stage.enrolment.plan.trial(stage.session.trial).condition
-        context = StepContext(
-            study=stage.around.study,
-            session=stage.session,
-            condition=condition,
-            utc=stage.around.now_utc(),
-            public_id=stage.enrolment.public_id,
-            round_trip_ms=stage.round_trips.median_ms,
-            lacking=stage.lacking,
+        context = self._context
+        step = StepContext(
+            study=context.services.study,
+            session=context.session,
+            condition=context.enrolment.plan.trial(context.session.trial).condition,
+            utc=context.services.now_utc(),
+            public_id=context.enrolment.public_id,
+            round_trip_ms=context.round_trips.median_ms,
+            lacking=context.lacking,
         )
-        outcome = STEPS[message.step](context, message.data)
+        outcome = STEPS[message.step](step, message.data)
         data, private = apart(message.step, outcome.words)
-        events = (stage.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
+        events = (context.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":
-            stage.vitals.help_wanted = True
+            context.vitals.help_wanted = True
         elif message.step == "setup":
-            stage.vitals.sound = bool(message.data.get("sound"))
+            context.vitals.sound = bool(message.data.get("sound"))
+        batch = Batch(
+            submission=context.submission(message.id),
+            events=events,
+            answers=outcome.answers,
+            identities=context.identities(private),
+            consent=ConsentGiven(step.utc, outcome.consent_hash) if outcome.consent_hash else None,
+        )
         if outcome.event is None:
-            await stage.commit(submission=message.id, events=events, private=private)
+            await context.commit(batch)
             acknowledge(client, message.id)
             return
-        if message.step == "start" and stage.lacks_panel():
+        if message.step == "start" and context.lacks_panel():
             text = "The second device is not connected. Open its link there first, and press its button."
             raise Refused("illegal", ("panel", text))
-        if message.step == "start" and stage.session.worker and not stage.link.ready:
+        if message.step == "start" and context.session.worker and not context.link.ready:
             raise Refused("illegal", ("step", "the robot is not ready yet"))
-        await self._course.advance(
-            outcome.event,
-            events=events,
-            submission=message.id,
-            answers=outcome.answers,
-            private=private,
-            consent=(context.utc, outcome.consent_hash) if outcome.consent_hash else None,
-            on_disk=lambda: acknowledge(client, message.id),
-        )
+        await self._transitions.advance(outcome.event, batch, on_disk=lambda: acknowledge(client, message.id))
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
-        stage, phase = self._stage, self._stage.phase
-        placement = stage.around.study.distractor.placement
+        context, running = self._context, self._context.running
+        placement = context.services.study.distractor.placement
         if client.role != ("panel" if placement == "second_device" else "participant"):
             raise Refused("illegal", ("step", f"in this study readings are shown and logged on: {placement}"))
-        data, utc = parse(AlertData, message.data), stage.around.now_utc()
-        if phase.distractor.alert(data.alert) is None and not stage.session.is_ticking:
+        data, utc = parse(AlertData, message.data), context.services.now_utc()
+        if running.distractor.alert(data.alert) is None and not context.session.is_ticking:
             # The trial ended while this was on its way: nobody did anything wrong.
-            late = stage.event(f"{message.step}_too_late", "participant", data.model_dump())
-            await stage.commit(submission=message.id, events=(late,))
+            late = context.event(f"{message.step}_too_late", "participant", data.model_dump())
+            await context.commit(Batch(submission=context.submission(message.id), events=(late,)))
             acknowledge(client, message.id)
             return
-        if phase.distractor.alert(data.alert) is None:
+        if running.distractor.alert(data.alert) is None:
             raise Refused("invalid", ("data.alert", f"no reading {data.alert} has been shown in this trial"))
         events: tuple[EventRow, ...] = ()
         if message.step == "alert_shown":
-            phase.distractor = phase.distractor.shown(data.alert, utc)
+            running.distractor = running.distractor.shown(data.alert, utc)
         elif message.step == "alert_heard":
-            phase.distractor = phase.distractor.heard(data.alert, utc)
+            running.distractor = running.distractor.heard(data.alert, utc)
         else:
-            after, result = phase.distractor.answer(data.alert, data.value or "", phase.trial_s, utc)
+            after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
             if result == "empty":
                 raise Refused("invalid", ("data.value", "Please type the reading."))
-            phase.distractor = after
+            running.distractor = after
             answer = {"alert": data.alert, "result": result, "value": data.value}
-            events = (stage.event("alert_answer", "participant", answer),)
-        await stage.commit(submission=message.id, alerts=(data.alert,), events=events)
+            events = (context.event("alert_answer", "participant", answer),)
+        alerts = context.alert_rows((data.alert,))
+        await context.commit(Batch(submission=context.submission(message.id), alerts=alerts, events=events))
         acknowledge(client, message.id)
         if events:
-            stage.audience.show_reading(phase.distractor.alert(data.alert), phase.distractor, phase.trial_s)
+            context.connections.show_reading(running.distractor.alert(data.alert), running.distractor, running.trial_s)
 
 
 def _answer_again(client: Client, identifier: str, response: Mapping[str, Any]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from app.session.interfaces import Surroundings, WorkerHandle
+from app.session.interfaces import LabServices, WorkerHandle
 from app.trial.values import TrialSetup
 from app.worker.messages import WorkerCommand, WorkerReport
 from study.flow.protocol import WorkerKind
@@ -23,7 +23,7 @@ class WorkerLink:
         epoch: number of the present worker; what arrives with another number is of one that was stopped.
         ready: its world stands, and it takes commands.
         held: it waits for the page's heartbeat.
-        restarts: how many workers of this phase ended by themselves.
+        restarts: how many workers of this practice or trial ended by themselves.
         scene_port: port of its viser server on loopback, if it has a scene.
         spectator_port: port of the experimenters' viser server, while it is open.
         setup: what it was started with.
@@ -31,7 +31,7 @@ class WorkerLink:
 
     def __init__(
         self,
-        around: Surroundings,
+        services: LabServices,
         participant: str,
         on_report: Callable[[int, WorkerReport], None],
         on_exit: Callable[[int], None],
@@ -43,7 +43,7 @@ class WorkerLink:
         self.scene_port: int | None = None
         self.spectator_port: int | None = None
         self.setup: TrialSetup | None = None
-        self._around = around
+        self._services = services
         self._participant = participant
         self._on_report = on_report
         self._on_exit = on_exit
@@ -60,14 +60,14 @@ class WorkerLink:
         self.epoch += 1
         epoch = self.epoch
         self.ready, self.scene_port, self.spectator_port = False, None, None
-        spec = await self._around.make_spec(kind, trial)
+        spec = await self._services.make_spec(kind, trial)
         self.setup = spec.setup
-        self._handle = self._around.start_worker(
+        self._handle = self._services.start_worker(
             spec, lambda report: self._on_report(epoch, report), lambda: self._on_exit(epoch)
         )
 
     async def stop(self) -> None:
-        """End the worker; the phase it ran is over."""
+        """End the worker; the practice or trial it ran is over."""
         handle, self._handle = self._handle, None
         self.epoch += 1
         self.ready, self.held, self.restarts, self.setup = False, False, 0, None
@@ -94,18 +94,18 @@ class WorkerLink:
 
     def page_heard(self) -> None:
         """The page said something about the hands; silence before starts a new stretch of being heard."""
-        now_s = self._around.now_unix_s()
+        now_s = self._services.now_unix_s()
         if now_s - self._page_heard_s > HUNG_AFTER_S / 2:
             self._page_heard_since_s = now_s
         self._page_heard_s = now_s
 
     def reported(self) -> None:
         """The worker said something."""
-        self._reported_s = self._around.now_unix_s()
+        self._reported_s = self._services.now_unix_s()
 
     def end_if_hung(self) -> None:
         """End a ticking worker that has gone silent while its page has not: another takes over from the log."""
-        now_s = self._around.now_unix_s()
+        now_s = self._services.now_unix_s()
         page_is_there = now_s - self._page_heard_s <= HUNG_AFTER_S / 2
         silent_s = now_s - max(self._reported_s, self._page_heard_since_s)
         if page_is_there and silent_s > HUNG_AFTER_S and self._handle is not None:

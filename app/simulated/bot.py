@@ -19,9 +19,9 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.pilot import Pilot, Sight
-from app.trial.engine import OperatorInput
+from app.trial.values import UserInput
 from app.wire import (
     PROTOCOL_VERSION,
     SERVER_MESSAGE,
@@ -327,14 +327,15 @@ class Bot:
 
     async def _drive(self, resetting: bool = False) -> None:
         """One input, which runs one tick."""
-        act = OperatorInput()
+        act = UserInput()
         world, task = self._world, self._instruction
         if not resetting and world is not None and task is not None and task.object in world.objects_m:
             release_m = world.bins_m[task.bin] if task.bin else self._release(world, task)
             sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
             act = self._pilot.act(task.object, sight)
         self._seq += 1
-        await self._wire.send(Input(seq=self._seq, client_ms=0.0, direction=act.direction, gripper=act.gripper))
+        given = {"seq": self._seq, "client_ms": 0.0, "direction": act.direction, "gripper": act.gripper}
+        await self._wire.send(Input.model_validate(given))
 
     @staticmethod
     def _release(world: World, task: Instruction) -> tuple[float, float, float] | None:

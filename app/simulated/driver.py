@@ -25,9 +25,10 @@ from typing import Literal
 
 import numpy as np
 
+from app.autonomy.actions import Direction
 from app.simulated.pilot import Sight
 from app.simulated.traits import Traits
-from app.trial.values import NO_INPUT, Direction, OperatorInput
+from app.trial.values import NO_INPUT, UserInput
 from sim.interface import TICK_S
 
 Point = tuple[float, float, float]
@@ -114,7 +115,7 @@ class Driver:
 
     # ---- one tick -----------------------------------------------------------------------------------------------
 
-    def act(self, object_id: str, sight: Sight) -> OperatorInput:
+    def act(self, object_id: str, sight: Sight) -> UserInput:
         """The input of the next tick."""
         self._notice(sight)
         drifts = self._drifts(object_id, sight)
@@ -155,12 +156,12 @@ class Driver:
     def _forget(self) -> None:
         self._movement, self._checks_left, self._still_ticks = None, None, 0
 
-    def _press(self, movement: _Movement, position_m: Point) -> OperatorInput:
+    def _press(self, movement: _Movement, position_m: Point) -> UserInput:
         movement.ticks += 1
         self._last_m = position_m
-        return OperatorInput(direction=movement.direction)
+        return UserInput(direction=movement.direction)
 
-    def _stop(self, movement: _Movement) -> OperatorInput:
+    def _stop(self, movement: _Movement) -> UserInput:
         """End of a movement: hands still, for this tick and perhaps some more."""
         self._movement = None
         self._still_ticks = self._pause(self._traits.fine_pause if movement.fine else self._traits.pause) - 1
@@ -173,11 +174,11 @@ class Driver:
 
     # ---- what to do next ----------------------------------------------------------------------------------------
 
-    def _decide(self, object_id: str, sight: Sight, drifts: bool) -> OperatorInput:
+    def _decide(self, object_id: str, sight: Sight, drifts: bool) -> UserInput:
         if sight.held is not None and sight.held != object_id:
-            return OperatorInput(gripper="open")  # the wrong one
+            return UserInput(gripper="open")  # the wrong one
         if sight.held is None and sight.gripper == "closed":
-            return OperatorInput(gripper="open")  # missed, or let go
+            return UserInput(gripper="open")  # missed, or let go
         leg = self._leg(object_id, sight)
         open_axes = self._open_axes(sight.position_m, leg)
         if open_axes:
@@ -195,9 +196,9 @@ class Driver:
             self._still_ticks = self._pause(self._traits.fine_pause) - 1
             return NO_INPUT
         self._checks_left = None
-        return OperatorInput(gripper=leg.then)
+        return UserInput(gripper=leg.then)
 
-    def _begin(self, position_m: Point, leg: _Leg, open_axes: tuple[int, ...]) -> OperatorInput:
+    def _begin(self, position_m: Point, leg: _Leg, open_axes: tuple[int, ...]) -> UserInput:
         ways_m = tuple(leg.target_m[axis] - position_m[axis] for axis in _AXES)
         direction, wrong = self._choose(ways_m, open_axes)
         farthest_m = max(abs(ways_m[axis]) for axis in open_axes)

@@ -16,15 +16,15 @@ from app.simulated.answers import Experience, comprehension_answers, demographic
 from app.simulated.driver import Driver, ticks_of
 from app.simulated.pilot import Sight
 from app.simulated.traits import Population, Traits, draw_traits, stream
-from app.steps import STEPS, StepContext
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup
-from app.trial.values import OperatorInput, TickResult, TrialView
+from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
 from study.flow import protocol
 from study.flow.distractor import DistractorState
 from study.flow.protocol import Event, Session
+from study.flow.steps import STEPS, StepContext
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
 
 FIRST_DAY_UNIX_S = 946_684_800.0
@@ -296,9 +296,9 @@ class _Sitting:
         wanted = self.driver.act(view.object, sight)
         run.inputs += 1
         if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
-            result = engine.tick(OperatorInput(seq=run.inputs))
+            result = engine.tick(UserInput(seq=run.inputs))
         else:
-            result = engine.tick(OperatorInput(wanted.direction, wanted.gripper, run.inputs))
+            result = engine.tick(UserInput(wanted.direction, wanted.gripper, run.inputs))
         self.view = result.view
         run.tick, run.now_s = tick, run.now_s + TICK_S
         self.ticks.append(result.row)

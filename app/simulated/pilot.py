@@ -1,4 +1,4 @@
-"""A scripted operator: the plainest way to do a pick-and-place, for tests and for `salab bot`.
+"""A scripted user: the plainest way to do a pick-and-place, for tests and for `salab bot`.
 
 It sees what a person sees (positions, what is held, the instruction) and answers with one tick's input. It is no model
 of a person; those are the simulated participants.
@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from app.trial.values import Direction, OperatorInput
+from app.autonomy.actions import Direction
+from app.trial.values import UserInput
 
 Point = tuple[float, float, float]
 
@@ -53,7 +54,7 @@ class Pilot:
         self._stuck_ticks = 0
         self._backing_ticks = 0
 
-    def act(self, object_id: str, sight: Sight) -> OperatorInput:
+    def act(self, object_id: str, sight: Sight) -> UserInput:
         """The input for the next tick.
 
         With the hands off an arbiter may bring a carried object close before the robot, where there is a hole in the
@@ -70,23 +71,23 @@ class Pilot:
         act = self._next(object_id, sight)
         if self._backing_ticks and act.gripper is None:
             self._backing_ticks -= 1
-            act = OperatorInput((1, 0, 0))
+            act = UserInput((1, 0, 0))
         if act.direction is not None:
             self._was_m = sight.position_m
         return act
 
-    def _next(self, object_id: str, sight: Sight) -> OperatorInput:
+    def _next(self, object_id: str, sight: Sight) -> UserInput:
         if sight.held == object_id:
             return self._carry(sight)
         self._legs_done = 0
         if sight.gripper == "moving":
-            return OperatorInput()
+            return UserInput()
         if sight.gripper == "closed":
-            return OperatorInput(gripper="open")
+            return UserInput(gripper="open")
         self._rest_m = sight.object_m
         return self._reach(sight)
 
-    def _reach(self, sight: Sight) -> OperatorInput:
+    def _reach(self, sight: Sight) -> UserInput:
         x_m, y_m, z_m = sight.object_m
         aligned = self._near(sight.position_m[1], y_m) and self._near(sight.position_m[2], z_m)
         if not aligned:
@@ -96,9 +97,9 @@ class Pilot:
             return self._move(sight, (sight.position_m[0], y_m, z_m))
         if not self._near(sight.position_m[0], x_m):
             return self._move(sight, sight.object_m)
-        return OperatorInput(gripper="close")
+        return UserInput(gripper="close")
 
-    def _carry(self, sight: Sight) -> OperatorInput:
+    def _carry(self, sight: Sight) -> UserInput:
         """Up, out from among the others, sideways, along, down, open: each leg along one axis, in that order."""
         _, rest_y_m, rest_z_m = self._rest_m
         legs: tuple[tuple[int, float], ...]
@@ -117,15 +118,15 @@ class Pilot:
         if sight.release_m is not None and not all(map(self._near, sight.position_m, sight.release_m)):
             self._legs_done = 1  # moved off meanwhile, by somebody else
             return self._carry(sight)
-        return OperatorInput(gripper="open")
+        return UserInput(gripper="open")
 
-    def _move(self, sight: Sight, target_m: Point) -> OperatorInput:
+    def _move(self, sight: Sight, target_m: Point) -> UserInput:
         x, y, z = (
             0 if self._near(here, there) else (1 if there > here else -1)
             for here, there in zip(sight.position_m, target_m, strict=True)
         )
         direction: Direction = (x, y, z)
-        return OperatorInput(direction if any(direction) else None)
+        return UserInput(direction if any(direction) else None)
 
     def _near(self, here_m: float, there_m: float) -> bool:
         return abs(here_m - there_m) <= self._near_m

@@ -24,13 +24,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from app.config import LabError
-from app.progress_bar import ProgressBar
+from app.errors import LabError
 from app.simulated.participant import Case, Record, simulate_participant
+from app.simulated.progress import progress
 from app.simulated.traits import Population
-from app.simulated.variants import changed_study, fitted_population, open_study, parse_text, preset_changes
+from app.simulated.variants import changed_study, fitted_population, preset_changes
 from app.trial.robots import ROBOTS, make_robot
 from app.trial.setup import StudySetup, study_setup
+from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
 from study.export.export import write_tables
 from study.records import SCHEMA_VERSION, TABLES
@@ -103,12 +104,9 @@ def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset:
     check_free(out_dir)
     parts = _Parts(out_dir.with_name(out_dir.name + ".part"), plan)
     missing = [index for index in range(participants) if not parts.has(index)]
-    bar = ProgressBar("participants", participants, participants - len(missing))
-    try:
+    with progress("participants", participants, participants - len(missing)) as bar:
         for _ in run_jobs(parts.make, missing, workers):
-            bar.step()
-    finally:
-        bar.close()
+            bar.update()
     meta = {
         "machines": [machine_fingerprint()],
         "erased_participants": 0,

@@ -14,13 +14,13 @@ more reading shifts nothing else.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from app.config import LabError
+from app.errors import LabError
 
 Purpose = Literal["traits", "practice", "trial", "alerts", "survey", "forms"]
 _PURPOSES: tuple[Purpose, ...] = ("traits", "practice", "trial", "alerts", "survey", "forms")
@@ -141,15 +141,3 @@ def stream(seed: int, purpose: Purpose, *key: int) -> np.random.Generator:
     """The random stream of one participant (by seed) for one purpose, and trial or alert if the purpose has them."""
     spawn_key = (_NO_TRIAL, _PURPOSES.index(purpose), *key)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=spawn_key))
-
-
-def describe_traits() -> str:
-    """The model's parameters as a table in plain text, for reports."""
-    lines = [f"{'trait':<14} {'mean':>7} {'spread':>7}  {'fitted':<6}  meaning"]
-    for name, trait in TRAITS.items():
-        fitted = "yes" if trait.fitted else ""
-        lines.append(f"{name:<14} {trait.mean:>7g} {trait.spread:>7g}  {fitted:<6}  {trait.about}")
-    return "\n".join(lines)
-
-
-assert {item.name for item in fields(Traits)} >= set(TRAITS)

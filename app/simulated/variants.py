@@ -11,28 +11,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.autonomy.arbiter import PRESETS
-from app.config import LabError
+from app.errors import LabError
+from app.simulated.presets import PRESET_NAMES
 from app.simulated.traits import Population
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
-from study.definition.study import Study, load_study, parse_study
+from app.trial.world import parse_text
+from study.definition.sections import ArbiterSettings
+from study.definition.study import Study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
-PRESET_NAMES = ("paper", "lab", "fitted")
+_PRESETS: Mapping[str, Mapping[str, float]] = {
+    # The paper's eq. 2 as printed, in metres, and no stickiness.
+    "paper": {"rationality_per_m": 1.0, "stickiness": 0.0},
+    # What the study file says where nothing else is said.
+    "lab": {name: getattr(ArbiterSettings(), name) for name in ("rationality_per_m", "stickiness")},
+}
 
 Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""
-
-
-def known_layouts() -> dict[str, int]:
-    """The layouts there are and their numbers of slots."""
-    return {name: len(layout.slots) for name, layout in LAYOUTS.items()}
-
-
-def open_study(path: Path | None) -> Study:
-    """The study file, or the paper's study, checked against this lab's world."""
-    return load_study(path, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
 
 
 def changed_study(study: Study, changes: Changes) -> Study:
@@ -49,11 +44,6 @@ def changed_study(study: Study, changes: Changes) -> Study:
     return parse_text(text, "changed study")
 
 
-def parse_text(text: str, name: str) -> Study:
-    """The study of a file's text; `name` is what errors call it. Raises `StudyFileError`."""
-    return parse_study(text, name=name, layouts=known_layouts(), objects=tuple(STUDY_OBJECTS), bins=_bins())
-
-
 def preset_changes(name: str | None) -> Changes:
     """What a preset changes in a study file: nothing without one, `paper` and `lab` the coefficients the paper leaves
     open, `fitted` what was calibrated on the paper's pure teleoperation. `LabError` names the presets."""
@@ -63,8 +53,7 @@ def preset_changes(name: str | None) -> Changes:
         return dict(fitted()["study"])
     if name not in PRESET_NAMES:
         raise LabError(f"no preset {name!r}; presets are {', '.join(PRESET_NAMES)}")
-    preset = PRESETS["paper" if name == "paper" else "lab"]
-    return {"arbiter": {"rationality_per_m": preset.rationality_per_m, "stickiness": preset.stickiness}}
+    return {"arbiter": _PRESETS[name]}
 
 
 def fitted() -> dict[str, Any]:
@@ -81,10 +70,6 @@ def fitted() -> dict[str, Any]:
 def fitted_population() -> Population:
     """The population calibrated on pure teleoperation; all presets use it."""
     return Population(means=dict(fitted()["participants"]))
-
-
-def _bins() -> tuple[str, ...]:
-    return tuple(item.id for item in next(iter(LAYOUTS.values())).bins)
 
 
 def _replaced(text: str, section: str, key: str, value: Any) -> str:

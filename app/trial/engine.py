@@ -3,7 +3,7 @@
     engine = TrialEngine(setup, robot)
     engine.open()
     while not engine.finished:
-        result = engine.tick(OperatorInput(direction=(1, 0, 0)))
+        result = engine.tick(UserInput(direction=(1, 0, 0)))
 
 `TrialEngine` has no clock, no socket and no randomness: the same setup and the same inputs give the same rows, bit for
 bit. A live session spreads a tick over half a second by calling `begin`, `advance` (15 times) and `end` itself.
@@ -24,24 +24,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from app.autonomy.actions import Direction
 from app.autonomy.arbiter import choose
 from app.autonomy.belief import Belief
 from app.autonomy.transition import TransitionModel
 from app.trial.goals import Goals, candidates, compact_json
 from app.trial.motion import motion_segments, unit_direction
-from app.trial.tasks import Progress
-from app.trial.values import (
-    NO_INPUT,
-    STILL,
-    CycleStart,
-    Direction,
-    EngineEvent,
-    OperatorInput,
-    TickResult,
-    TrialSetup,
-    TrialView,
-)
-from app.trial.values import inputs_of as inputs_of
+from app.trial.tasks import TaskProgress
+from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
 from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
 from sim.clearance import clearance
 from sim.interface import (
@@ -94,7 +84,7 @@ class TrialEngine:
         self._robot = robot
         self._start = start or CycleStart()
         self._tick = self._start.first_tick
-        self._progress = Progress(setup, self._start.cycle)
+        self._progress = TaskProgress(setup, self._start.cycle)
         self._delivered: dict[str, Pose] = dict(self._start.delivered)
         self._momentum: Vector3 = STILL
         self._goals = Goals.at(())
@@ -184,31 +174,31 @@ class TrialEngine:
         self._is_open = True
         self._enter_cycle(reset=self._start.first_tick > 0)
 
-    def tick(self, operator: OperatorInput = NO_INPUT) -> TickResult:
+    def tick(self, user_input: UserInput = NO_INPUT) -> TickResult:
         """One whole tick."""
-        self.begin(operator)
+        self.begin(user_input)
         self.advance(SLICES_PER_TICK)
         return self.end()
 
-    def begin(self, operator: OperatorInput) -> None:
+    def begin(self, user_input: UserInput) -> None:
         """Take the input, update the belief, decide, and command the robot."""
         if self.finished or self._pending is not None:
             raise RuntimeError("a tick cannot begin: " + ("the trial is over" if self.finished else "one is running"))
-        if operator.after_pause:
+        if user_input.after_pause:
             self._momentum = STILL
         self._look()
         if self._reset_ticks_left:
-            self._pending = self._begin_still(operator, "reset")
+            self._pending = self._begin_still(user_input, "reset")
             return
         self._refresh_belief()
-        gripper = self._gripper_command(operator)
+        gripper = self._gripper_command(user_input)
         if gripper is not None:
             self._fingers = gripper
             self._gripper_ticks_left = self.setup.timing.gripper_ticks
         if self._gripper_ticks_left or self._settling_ticks:
-            self._pending = self._begin_still(operator, "gripper", gripper or "hold")
+            self._pending = self._begin_still(user_input, "gripper", gripper or "hold")
         else:
-            self._pending = self._begin_motion(operator)
+            self._pending = self._begin_motion(user_input)
 
     def advance(self, slices: int = 1) -> None:
         """So many slices of physics."""
@@ -263,20 +253,20 @@ class TrialEngine:
             self._belief = Belief.uniform(self._goals.ids)
         self._progress.begin_task(self._tick, len(self._goals.ids))
 
-    def _gripper_command(self, operator: OperatorInput) -> GripperCommand | None:
+    def _gripper_command(self, user_input: UserInput) -> GripperCommand | None:
         """The button's command, unless the fingers are busy or were told so already."""
-        if operator.gripper is None or self._gripper_ticks_left or self._settling_ticks:
+        if user_input.gripper is None or self._gripper_ticks_left or self._settling_ticks:
             return None
-        return None if operator.gripper == self._fingers else operator.gripper
+        return None if user_input.gripper == self._fingers else user_input.gripper
 
-    def _begin_still(self, operator: OperatorInput, source: str, gripper: GripperCommand = "hold") -> _Tick:
+    def _begin_still(self, user_input: UserInput, source: str, gripper: GripperCommand = "hold") -> _Tick:
         verdict = self._robot.command(RobotCommand(_STAND_STILL, self.setup.timing.speed_m_s, gripper))
         pressed = gripper if gripper != "hold" else None
-        return _Tick(self._row(operator, source, None, None, pressed), _STAND_STILL, verdict, action=None)
+        return _Tick(self._row(user_input, source, None, None, pressed), _STAND_STILL, verdict, action=None)
 
-    def _begin_motion(self, operator: OperatorInput) -> _Tick:
+    def _begin_motion(self, user_input: UserInput) -> _Tick:
         assert self._belief is not None
-        user, parameters = operator.direction, self.setup.parameters
+        user, parameters = user_input.direction, self.setup.parameters
         autonomous = user is None and parameters.condition != "teleoperation"
         choice = choose(
             self.world.position_world_gripper_m,
@@ -293,7 +283,7 @@ class TrialEngine:
         segments = motion_segments(parameters.transition, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
-        return _Tick(self._row(operator, source, user, chosen, None), segments, verdict, action)
+        return _Tick(self._row(user_input, source, user, chosen, None), segments, verdict, action)
 
     def _feasible(self, model: TransitionModel) -> Callable[[int], bool]:
         """Whether the arm can do an action from here, and pushes nothing over."""
@@ -309,7 +299,7 @@ class TrialEngine:
 
     def _row(
         self,
-        operator: OperatorInput,
+        user_input: UserInput,
         source: str,
         user: Direction | None,
         action: Direction | None,
@@ -346,11 +336,11 @@ class TrialEngine:
             "action_z": action_z,
             "source": source,
             "gripper_input": pressed,
-            "after_pause": int(operator.after_pause),
+            "after_pause": int(user_input.after_pause),
             "goals": self._goals.text,
             "belief": self._text_of(belief),
             "entropy": belief.entropy,
-            "input_seq": operator.seq,
+            "input_seq": user_input.seq,
         }
 
     def _text_of(self, belief: Belief) -> str:

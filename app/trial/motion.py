@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from app.autonomy.actions import UNIT_DIRECTIONS, index_of, nearest_action
+from app.autonomy.actions import UNIT_DIRECTIONS, Direction, index_of, nearest_action
 from app.autonomy.transition import TransitionModel
-from app.trial.values import STILL, Direction
+from app.trial.values import STILL
 from sim.interface import SLICES_PER_TICK, MotionSegment, Vector3
 
 _UNIT_VECTORS: tuple[Vector3, ...] = tuple((float(x), float(y), float(z)) for x, y, z in UNIT_DIRECTIONS)

@@ -1,16 +1,17 @@
 """Names to concrete parts. A new robot is one new file in `sim/` and one line here.
 
-Imports are made when a part is asked for: only worker processes ever load pybullet or viser.
+Imports are made when a part is asked for: only worker processes ever load pybullet or viser, and whoever wants the
+names alone loads nothing.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.config import LabError
-from sim.interface import Robot
+from app.errors import LabError
 
 if TYPE_CHECKING:
+    from sim.interface import Robot
     from sim.scene import SceneView
     from sim.spectator import SpectatorView
 

@@ -12,7 +12,7 @@ from app.autonomy.arbiter import ArbiterParameters, Condition
 from app.autonomy.calibration import Calibration, calibrate_alpha
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
-from app.session.pages import Labels
+from app.trial.labels import Labels
 from app.trial.values import CycleSetup, RobotTiming, TrialSetup
 from sim.layouts import LAYOUTS, Layout, practice_scene
 from sim.layouts import scene as layout_scene
@@ -74,6 +74,7 @@ class StudySetup:
     ) -> TrialSetup:
         """Everything trial `trial` (or the practice before it) depends on besides the inputs."""
         drawn, settings = plan.trial(trial), self.study.robot
+        cycles: tuple[CycleSetup, ...]
         if kind == "practice":
             cycles = (CycleSetup(practice_scene(self.layout), PRACTICE_OBJECT.id, None),)
         else:

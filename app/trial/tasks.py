@@ -9,7 +9,7 @@ from app.trial.verdicts import Verdict
 from study.records import TaskRow
 
 
-class Progress:
+class TaskProgress:
     """Counts cycles and tasks. Practice repeats its one cycle for as long as it takes; its tasks stay 1 and 2.
 
     Attributes:

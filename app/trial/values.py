@@ -1,23 +1,24 @@
-"""What a trial depends on and what a tick of it leaves behind: frozen values, picklable, with no behaviour."""
+"""What a trial depends on and what a tick of it leaves behind: frozen values, picklable, and their way to text."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from app.autonomy.actions import Direction
 from app.autonomy.arbiter import ArbiterParameters
 from app.trial.verdicts import Verdict
 from sim.interface import Pose, SceneSpec, Vector3
 from study.records import TaskRow, TickRow
 
-Direction = tuple[int, int, int]
-Kind = Literal["trial", "practice"]
+PhaseKind = Literal["trial", "practice"]
 STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class OperatorInput:
+class UserInput:
     """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
 
     direction: Direction | None = None
@@ -26,7 +27,7 @@ class OperatorInput:
     after_pause: bool = False
 
 
-NO_INPUT = OperatorInput()
+NO_INPUT = UserInput()
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class TrialSetup:
     participant: str
     trial: int
     condition: str
-    kind: Kind
+    kind: PhaseKind
     cycles: tuple[CycleSetup, ...]
     parameters: ArbiterParameters
     timing: RobotTiming = field(default_factory=RobotTiming)
@@ -109,7 +110,7 @@ class TickResult:
     finished: bool
 
 
-def inputs_of(row: TickRow) -> OperatorInput:
+def inputs_of(row: TickRow) -> UserInput:
     """The input a logged tick took into account, for re-running it."""
     direction = None
     if row.user_x is not None and row.user_y is not None and row.user_z is not None:
@@ -119,4 +120,17 @@ def inputs_of(row: TickRow) -> OperatorInput:
         gripper = "open"
     elif row.gripper_input == "close":
         gripper = "close"
-    return OperatorInput(direction, gripper, row.input_seq, bool(row.after_pause))
+    return UserInput(direction, gripper, row.input_seq, bool(row.after_pause))
+
+
+def cycle_to_json(start: CycleStart) -> str:
+    """The start of a cycle as one line of JSON."""
+    delivered = [[name, pose.position_world_m, pose.quaternion_wxyz] for name, pose in start.delivered]
+    return json.dumps({"cycle": start.cycle, "first_tick": start.first_tick, "delivered": delivered})
+
+
+def cycle_from_json(text: str) -> CycleStart:
+    """The start of `cycle_to_json`."""
+    fields: dict[str, Any] = json.loads(text)
+    delivered = tuple((name, Pose(tuple(position), tuple(wxyz))) for name, position, wxyz in fields["delivered"])
+    return CycleStart(fields["cycle"], fields["first_tick"], delivered)

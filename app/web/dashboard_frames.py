@@ -12,12 +12,12 @@ from fastapi import APIRouter, FastAPI, Request, Response, WebSocket
 from fastapi.responses import FileResponse, JSONResponse
 
 from app.lab.lab import Lab
-from app.lab.tokens import desk_key, same_token
+from app.lab.tokens import dashboard_key, same_token
 from app.report.process import PAGE
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from app.web.addresses import prefix
 from app.web.participant_socket import Places, same_origin
 from app.web.scene_proxy import proxy_scene, scene_page_response
-from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"
@@ -33,7 +33,7 @@ async def sit_down(request: Request, lab: TheLab, who: Experimenter) -> Response
     response = JSONResponse({"desk": PATH})
     response.set_cookie(
         COOKIE,
-        desk_key(lab.experimenter_token),
+        dashboard_key(lab.experimenter_token),
         path=prefix(lab) + PATH,
         httponly=True,
         samesite="strict",
@@ -52,14 +52,14 @@ async def get_up(lab: TheLab, who: Experimenter) -> Response:
 
 def holds_desk(lab: Lab, cookies: dict[str, str]) -> bool:
     """Whether a request comes from a dashboard that has shown its token."""
-    return same_token(cookies.get(COOKIE, ""), desk_key(lab.experimenter_token))
+    return same_token(cookies.get(COOKIE, ""), dashboard_key(lab.experimenter_token))
 
 
 def _forbidden() -> Response:
     return JSONResponse({"detail": "open this from the dashboard"}, 403)
 
 
-def add_desk(app: FastAPI, lab: Lab) -> None:
+def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
     """Put all routes of this file into an app."""
     app.include_router(private)
     places = Places(MAX_ONLOOKERS)
@@ -98,7 +98,7 @@ def add_desk(app: FastAPI, lab: Lab) -> None:
             if session is None or not is_free:
                 await websocket.close(1013)
                 return
-            async with session.onlookers.look() as port:
+            async with session.spectators.look() as port:
                 if port is None:
                     await websocket.close(1013)
                     return

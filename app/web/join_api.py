@@ -13,10 +13,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.lab.lab import Lab
 from app.lab.open_enrolment import Offer, Recruiter, cookie_name
 from app.lab.tokens import Attempts, new_token
+from app.web.access import TheLab
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
 from app.web.participant_socket import same_origin
-from app.web.sessions_api import TheLab
-from study.flow.open_link import filled
+from study.definition.link_placeholders import filled
 
 JOINS_A_MINUTE = 60
 """From one address: a whole class behind one router can begin together, a script that makes up ids cannot go on."""

@@ -26,13 +26,14 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import NotNow, Remark, RemarkName
-from app.session.explanation import Plane, PlaneKind, Thought, plane_of, thought_of
+from app.session.explanation import Plane, PlaneKind, TickExplanation, explain_tick, plane_of
 from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
-from app.web.sessions_api import Experimenter, ExperimenterRoute, SessionReply, TheLab, session_reply
+from app.web.sessions_api import SessionReply, session_reply
 from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession
@@ -93,8 +94,8 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
     return LiveReply(
         **session_reply(lab, stored, label).model_dump(),
         trial_s=live.trial_s if live else None,
-        signals_per_s=live.recent.signals_per_s(now_unix_s) if live else 0.0,
-        driving_share=live.recent.driving_share() if live else None,
+        signals_per_s=live.history.signals_per_s(now_unix_s) if live else 0.0,
+        driving_share=live.history.driving_share() if live else None,
         visible=live.vitals.visible if connected and live else None,
         focused=live.vitals.focused if connected and live else None,
         sound=live.vitals.sound if live else None,
@@ -221,26 +222,30 @@ class Stream:
         if live is None:
             if self._fresh:
                 self._fresh = False
-                events = await asyncio.to_thread(self._lab.store.store.rows_of, "events", participant)
-                await self._send_news(participant, True, [], events[-KEPT_EVENTS:])
+                stored = await asyncio.to_thread(self._lab.store.store.rows_of, "events", participant)
+                await self._send_news(participant, True, [], list(stored[-KEPT_EVENTS:]))
             return
         if live is not self._watched_live:
             self._watched_live, self._fresh = live, True
         fresh, self._fresh = self._fresh, False
-        recent, setup = live.recent, live.setup
-        rows = list(recent.ticks) if fresh else recent.ticks_since(self._ticks_seen)
-        events = list(recent.events) if fresh else recent.events_since(self._events_seen)
-        self._ticks_seen, self._events_seen = recent.ticks_seen, recent.events_seen
-        thoughts: list[Thought] = []
+        history, setup = live.history, live.setup
+        rows = list(history.ticks) if fresh else history.ticks_since(self._ticks_seen)
+        events = list(history.events) if fresh else history.events_since(self._events_seen)
+        self._ticks_seen, self._events_seen = history.ticks_seen, history.events_seen
+        explanations: list[TickExplanation] = []
         if setup is not None and rows:
             # Off the loop: a minute of ticks is worth 120 evaluations.
             labels = live.labels
-            thoughts = await asyncio.to_thread(lambda: [thought_of(row, setup, labels) for row in rows])
-        if fresh or thoughts or events:
-            await self._send_news(participant, fresh, thoughts, events)
+            explanations = await asyncio.to_thread(lambda: [explain_tick(row, setup, labels) for row in rows])
+        if fresh or explanations or events:
+            await self._send_news(participant, fresh, explanations, events)
 
     async def _send_news(
-        self, participant: str, fresh: bool, thoughts: list[Thought], events: list[EventRow] | tuple[EventRow, ...]
+        self,
+        participant: str,
+        fresh: bool,
+        explanations: list[TickExplanation],
+        events: list[EventRow],
     ) -> None:
         if participant != self._watched:
             return  # another one was opened meanwhile
@@ -253,7 +258,7 @@ class Stream:
                 "type": "watched",
                 "participant": participant,
                 "since_start": fresh,
-                "ticks": [asdict(thought) for thought in thoughts],
+                "ticks": [asdict(explanation) for explanation in explanations],
                 "events": [{**asdict(row), "data": one} for row, one in zip(events, data, strict=True)],
             }
         )
@@ -341,9 +346,9 @@ async def heatmap(participant: str, lab: TheLab, who: Experimenter, kind: PlaneK
     live = lab.live_session(participant)
     if live is None:
         await _or_404(lab, participant)
-    if live is None or live.setup is None or not live.recent.ticks:
+    if live is None or live.setup is None or not live.history.ticks:
         raise HTTPException(409, "no tick has run: there is a heatmap while the robot is being driven")
-    row, setup, labels = live.recent.ticks[-1], live.setup, live.labels
+    row, setup, labels = live.history.ticks[-1], live.setup, live.labels
     plane: Plane = await asyncio.to_thread(plane_of, row, setup, labels, kind)
     return PlaneReply.model_validate(asdict(plane))
 

@@ -14,11 +14,11 @@ from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.session.commands import NotNow
-from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from study.definition.study import Study
 from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text
-from study.store import Store
+from study.store import Batch, Store
 
 router = APIRouter(prefix="/api", tags=["results"], route_class=ExperimenterRoute)
 
@@ -132,7 +132,7 @@ async def override(participant: str, trial: int, body: OverrideRequest, lab: The
         row: TrialRow = replace(found[0], quality_override=body.verdict, quality_reason=reason)
         data = {"by": who, "from": found[0].quality_override or found[0].quality, "to": body.verdict}
         event = EventRow(participant, trial, None, utc, "quality_override", "experimenter", json.dumps(data))
-        store.commit(trials=[row], events=[event])
+        store.commit(Batch(trials=(row,), events=(event,)))
         return row
 
     written = await lab.store.run(write)

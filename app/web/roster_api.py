@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import segno
 from fastapi import APIRouter, FastAPI, HTTPException
 from fastapi.responses import Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
-from app.web.sessions_api import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
 from study.flow import roster
 from study.flow.open_link import open_link
 from study.flow.roster import ACTS, Act, Enrolled
@@ -38,10 +38,6 @@ Show = Literal[
     "screened_out",
 ]
 Reason = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
-
-
-class _Body(BaseModel):
-    model_config = ConfigDict(extra="forbid")
 
 
 class CellReply(BaseModel):
@@ -98,20 +94,20 @@ class RosterReply(BaseModel):
     lines: list[RosterLine]
 
 
-class RejectRequest(_Body):
+class RejectRequest(RequestBody):
     """Why the data cannot be used."""
 
     reason: Reason
 
 
-class WithdrawRequest(_Body):
+class WithdrawRequest(RequestBody):
     """Somebody's wish to stop. `keep` says whether what was recorded stays; if left out, the study file decides."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
     keep: bool | None = None
 
 
-class EraseRequest(_Body):
+class EraseRequest(RequestBody):
     """The id once more, so that nobody is erased by a slip."""
 
     confirm: str
@@ -132,7 +128,7 @@ class LinkReply(BaseModel):
     link: str
 
 
-class QrRequest(_Body):
+class QrRequest(RequestBody):
     """A link of this lab. It travels in the body: addresses end up in logs."""
 
     link: Annotated[str, Field(min_length=1, max_length=500)]

@@ -32,7 +32,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.typing import Subprotocol
 
-from app.config import LabError
+from app.errors import LabError
 
 CLIENT_MESSAGES = frozenset({"ViewerCameraMessage", "GetRenderResponseMessage"})
 """The message types a browser may send."""

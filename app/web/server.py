@@ -15,19 +15,20 @@ from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
 
-from app.config import LabError
+from app.errors import LabError
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.web import participant_socket as sockets
 from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
-from app.web.dashboard_frames import add_desk
+from app.web.arbiter_api import add_arbiter_api
+from app.web.dashboard_frames import add_dashboard_frames
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
 from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
-from app.web.sessions_api import add_api
+from app.web.sessions_api import add_sessions_api
 
 STATIC = Path(__file__).resolve().parents[2] / "static"
 MAX_BODY_BYTES = 1_000_000
@@ -62,12 +63,13 @@ def create_app(lab: Lab) -> FastAPI:
         lifespan=lifespan,
     )
     app.state.lab = lab
-    add_api(app)
+    add_sessions_api(app)
+    add_arbiter_api(app)
     add_roster_api(app)
     add_results_api(app)
     add_live(app, lab)
     add_join(app, lab)
-    add_desk(app, lab)
+    add_dashboard_frames(app, lab)
     _add_errors(app)
     _add_pages(app, lab)
     _add_sockets(app, lab)

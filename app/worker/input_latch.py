@@ -1,4 +1,4 @@
-"""Hands: from messages that arrive whenever they like to the one input of a tick.
+"""The controls: from messages that arrive whenever they like to the one input of a tick.
 
 Rules (design promise): a press *and* release between two ticks still counts as that tick's input; input older than one
 tick is never used; nothing is queued for later.
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from app.trial.values import Direction, OperatorInput
-from app.worker.messages import Hands
+from app.autonomy.actions import Direction
+from app.trial.values import UserInput
+from app.worker.messages import ControlsState
 
 
-class HandsLatch:
+class InputLatch:
     """Collects hand states until a tick takes them. Owns no clock: callers pass `now_s` (monotonic seconds)."""
 
     def __init__(self, fresh_s: float, stale_s: float) -> None:
@@ -24,7 +25,7 @@ class HandsLatch:
         self._gripper: Literal["open", "close"] | None = None
         self._at_s: float | None = None
 
-    def put(self, hands: Hands, now_s: float) -> None:
+    def put(self, hands: ControlsState, now_s: float) -> None:
         """A message arrived. One that is older than the last input is a sign of life and nothing else."""
         self._at_s = now_s
         if hands.seq < self.seq:
@@ -40,7 +41,7 @@ class HandsLatch:
         """Whether the page has been heard of within `fresh_s`."""
         return self._at_s is not None and now_s - self._at_s <= self.fresh_s
 
-    def take(self, now_s: float) -> OperatorInput:
+    def take(self, now_s: float) -> UserInput:
         """The input of the tick that starts now. What was pressed and released meanwhile counts, once.
 
         Neutral when the page was last heard of more than `stale_s` ago.
@@ -50,7 +51,7 @@ class HandsLatch:
         direction = self._direction if self._direction is not None else self._seen
         gripper = self._gripper
         self.forget_presses()
-        return OperatorInput(direction, gripper, self.seq)
+        return UserInput(direction, gripper, self.seq)
 
     def forget_presses(self) -> None:
         """Forget what was pressed and not taken; what is held down now still counts."""

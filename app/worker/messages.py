@@ -10,11 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from app.trial.values import CycleStart, OperatorInput, TickResult, TrialSetup, TrialView
+from app.config import Pace
+from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
-
-RobotName = Literal["bullet", "kinematic"]
-Pace = Literal["real_time", "lockstep"]
+from study.records import OVERRUN_MS
 
 
 @dataclass(frozen=True)
@@ -27,8 +26,8 @@ class WorkerSpec:
 
     setup: TrialSetup
     start: CycleStart
-    log: tuple[tuple[OperatorInput, str], ...]
-    robot: RobotName
+    log: tuple[tuple[UserInput, str], ...]
+    robot: str
     pace: Pace
     scene: bool
     heartbeat_timeout_s: float
@@ -48,7 +47,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Hands:
+class ControlsState:
     """State of the hands, from an input (`pressed` may hold a gripper press) or a heartbeat."""
 
     seq: int
@@ -77,14 +76,14 @@ class Stop:
     """End the process."""
 
 
-WorkerCommand = Begin | Hold | Hands | SetView | Spectate | Stop
+WorkerCommand = Begin | Hold | ControlsState | SetView | Spectate | Stop
 
 
 # ---- worker → lab -----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Sight:
+class WorldInNumbers:
     """What the scene shows, in numbers; positions in the world frame, metres."""
 
     position_m: Vector3
@@ -100,7 +99,7 @@ class Ready:
 
     scene_port: int | None
     view: TrialView
-    sight: Sight
+    world: WorldInNumbers
     finished: bool
     mismatch: int | None
 
@@ -110,11 +109,16 @@ class Ticked:
     """A tick is over: when it started and how it kept its deadline (`late_ms` is None in lockstep)."""
 
     result: TickResult
-    sight: Sight
+    world: WorldInNumbers
     seq: int
     started_unix_s: float
     late_ms: float | None
     missed: int
+
+    @property
+    def overrun(self) -> bool:
+        """Whether the tick is late enough to be logged: by itself, or since deadlines before it were missed."""
+        return self.missed > 0 or (self.late_ms or 0.0) > OVERRUN_MS
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from study.records import OVERRUN_MS
-
-OVERRUN_S = OVERRUN_MS / 1000.0
-"""A tick that starts this much late is counted as an overrun."""
-
 
 @dataclass(frozen=True)
 class Deadline:
@@ -23,11 +18,6 @@ class Deadline:
     due_s: float
     late_s: float
     missed: int
-
-    @property
-    def overrun(self) -> bool:
-        """Whether the tick is late enough to be logged."""
-        return self.late_s > OVERRUN_S or self.missed > 0
 
 
 class Pacer:

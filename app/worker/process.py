@@ -18,7 +18,7 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
-from app.worker.messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
@@ -76,7 +76,7 @@ class _Outgoing:
         """Queue a command; None ends the thread after what is queued."""
         with self._changed:
             last = self._waiting[-1] if self._waiting else None
-            if isinstance(command, Hands) and isinstance(last, Hands) and (command.beat or last.beat):
+            if isinstance(command, ControlsState) and isinstance(last, ControlsState) and (command.beat or last.beat):
                 # A heartbeat only repeats: what was pressed, and whether it runs a tick, stays the input's.
                 merged = replace(command, pressed=last.pressed, beat=last.beat) if command.beat else command
                 self._waiting[-1] = merged

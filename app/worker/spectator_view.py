@@ -1,4 +1,4 @@
-"""A worker's gallery: the experimenters' 3-D view of its world, there only while somebody looks on.
+"""The experimenters' 3-D view of a worker's world, there only while somebody looks on.
 
 It lives in the worker's loop thread, which alone writes its server. It is opened and drawn after a slice has been drawn
 for the participant, in the time that is left until the next one, and only after every third slice.
@@ -18,7 +18,7 @@ EVERY_SLICES = 3
 """Ten pictures a second."""
 
 
-class Gallery:
+class OnDemandView:
     """See the module's text. `make` makes a view that is not open."""
 
     def __init__(self, make: Callable[[], SpectatorView]) -> None:

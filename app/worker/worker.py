@@ -1,13 +1,13 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
     commands ──► Worker ──► reports
-    Begin, Hold, Hands, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Failed
+    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
 after each, and the result goes out after the last. When the page has not been heard of for `heartbeat_timeout_s`, no
 tick starts (the robot is held) until it is heard of again.
 
-Lockstep: each `Hands` message that is not a heartbeat runs one tick at once. The code that runs is the same.
+Lockstep: each `ControlsState` message that is not a heartbeat runs one tick at once. The code that runs is the same.
 
 A crash in here costs the session a second and no data: the lab starts another worker, which re-runs the current cycle
 from the log.
@@ -25,27 +25,27 @@ from typing import TYPE_CHECKING
 
 from app.trial.engine import TrialEngine
 from app.trial.robots import make_robot, make_scene, make_spectator_view
-from app.trial.values import OperatorInput, TickResult
+from app.trial.values import TickResult, UserInput
 from app.trial.verdicts import release_points
-from app.worker.input_latch import HandsLatch
+from app.worker.input_latch import InputLatch
 from app.worker.messages import (
     Begin,
+    ControlsState,
     Failed,
-    Hands,
     Hold,
     HoldChanged,
     Ready,
     SetView,
-    Sight,
     Spectate,
     SpectatorPort,
     Stop,
     Ticked,
     WorkerCommand,
     WorkerSpec,
+    WorldInNumbers,
 )
 from app.worker.pacer import Deadline, Pacer
-from app.worker.spectator_view import Gallery
+from app.worker.spectator_view import OnDemandView
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
             robot = make_robot(spec.robot)
             open_parts.callback(robot.close)
             scene = make_scene() if spec.scene else None
-            gallery = None
+            spectator_view = None
             if scene is not None:
                 open_parts.callback(scene.close)
-                gallery = Gallery(lambda: make_spectator_view(scene))
-                open_parts.callback(gallery.close)
-            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene, gallery).serve()
+                spectator_view = OnDemandView(lambda: make_spectator_view(scene))
+                open_parts.callback(spectator_view.close)
+            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene, spectator_view).serve()
         except (EOFError, BrokenPipeError, ConnectionResetError):
             pass  # the lab is gone: nothing is left to serve
         except Exception as error:
@@ -89,15 +89,15 @@ class Worker:
         spec: WorkerSpec,
         engine: TrialEngine,
         scene: SceneView | None,
-        gallery: Gallery | None = None,
+        spectator_view: OnDemandView | None = None,
     ) -> None:
         self._connection = connection
         self._spec = spec
         self._engine = engine
         self._scene = scene
         self._scene_cycle = 0
-        self._gallery = gallery
-        self._hands = HandsLatch(spec.heartbeat_timeout_s, TICK_S)
+        self._spectator_view = spectator_view
+        self._latch = InputLatch(spec.heartbeat_timeout_s, TICK_S)
         self._pacer = Pacer(TICK_S)
         self._running = False
         self._held = False
@@ -111,21 +111,23 @@ class Worker:
         mismatch = self._rerun()
         port = self._scene.open() if self._scene else None
         self._draw()
-        self._connection.send(Ready(port, self._engine.view(), self._sight(), self._engine.finished, mismatch))
+        self._connection.send(
+            Ready(port, self._engine.view(), self._world_in_numbers(), self._engine.finished, mismatch)
+        )
         while not self._stopping:
             if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
                 if self._connection.poll(IDLE_WAIT_S):
                     self._obey(self._connection.recv())
-                self._tend_gallery()
+                self._tend_spectator_view()
             else:
                 self._pace()
 
     def _rerun(self) -> int | None:
         mismatch = None
-        for operator, digest in self._spec.log:
+        for user_input, digest in self._spec.log:
             if self._engine.finished:  # it went another way this time
                 return self._engine.next_tick if mismatch is None else mismatch
-            result = self._engine.tick(operator)
+            result = self._engine.tick(user_input)
             if result.row.digest != digest and mismatch is None:
                 mismatch = result.row.tick
         self._resumed = self._engine.next_tick > 0
@@ -135,12 +137,12 @@ class Worker:
 
     def _obey(self, command: WorkerCommand) -> None:
         now_s = time.monotonic()
-        if isinstance(command, Hands):
-            self._hands.put(command, now_s)
+        if isinstance(command, ControlsState):
+            self._latch.put(command, now_s)
             if self._spec.pace == "lockstep" and self._running and not command.beat and not self._engine.finished:
                 self._lockstep_tick()
         elif isinstance(command, Begin):
-            self._hands.forget_presses()  # what is held down now still counts
+            self._latch.forget_presses()  # what is held down now still counts
             self._running = True
             self._pacer.start(max(now_s, self._tick_ends_s))
         elif isinstance(command, Hold):
@@ -152,8 +154,8 @@ class Worker:
             if self._scene is not None:
                 self._scene.set_view(command.name)
         elif isinstance(command, Spectate):
-            if self._gallery is not None:
-                self._gallery.ask(command.looking)
+            if self._spectator_view is not None:
+                self._spectator_view.ask(command.looking)
             else:
                 self._connection.send(SpectatorPort(None))
         elif isinstance(command, Stop):
@@ -172,7 +174,7 @@ class Worker:
         started_unix_s = time.time()
         result = self._engine.tick(self._take_input(time.monotonic()))
         self._draw()
-        self._connection.send(Ticked(result, self._sight(), self._hands.seq, started_unix_s, None, 0))
+        self._connection.send(Ticked(result, self._world_in_numbers(), self._latch.seq, started_unix_s, None, 0))
 
     def _pace(self) -> None:
         """Wait for the next deadline and run its tick, if the page is there."""
@@ -180,53 +182,53 @@ class Worker:
         deadline = self._pacer.take(time.monotonic()) if self._running else None
         if deadline is None:
             return
-        if self._hands.fresh(time.monotonic()):
+        if self._latch.fresh(time.monotonic()):
             if self._held:
                 self._held = False
-                self._hands.forget_presses()  # made when nothing could be seen to follow from them
+                self._latch.forget_presses()  # made when nothing could be seen to follow from them
                 self._connection.send(HoldChanged(False))
             self._real_time_tick(deadline)
         else:
-            self._tend_gallery()  # no slice does it now
+            self._tend_spectator_view()  # no slice does it now
             if self._held:
                 return
             self._held = True
             self._resumed = True
-            self._hands.drop()
+            self._latch.drop()
             self._connection.send(HoldChanged(True))
 
     def _real_time_tick(self, deadline: Deadline) -> None:
         started_unix_s = time.time()
         self._tick_ends_s = deadline.due_s + TICK_S
         self._engine.begin(self._take_input(time.monotonic()))
-        seq = self._hands.seq
+        seq = self._latch.seq
         for index in range(SLICES_PER_TICK):
             due_s = deadline.due_s + index * SLICE_S
             while (wait_s := due_s - time.monotonic()) > 0:
                 self._drain(wait_s)
             self._engine.advance()
             self._draw()
-            self._tend_gallery()
+            self._tend_spectator_view()
         result = self._engine.end()
         late_ms = deadline.late_s * 1000.0
-        self._connection.send(Ticked(result, self._sight(), seq, started_unix_s, late_ms, deadline.missed))
+        self._connection.send(Ticked(result, self._world_in_numbers(), seq, started_unix_s, late_ms, deadline.missed))
         self._draw(ended=result)
 
-    def _tend_gallery(self) -> None:
+    def _tend_spectator_view(self) -> None:
         """What the experimenters see, after what the participant sees. If it fails they lose it; the trial goes on."""
-        if self._gallery is None:
+        if self._spectator_view is None:
             return
         try:
-            changed = self._gallery.tend(self._engine)
+            changed = self._spectator_view.tend(self._engine)
         except Exception:
             log.exception("the experimenters' view of %s failed and is given up", self._spec.setup.participant)
-            self._gallery, changed = None, (None,)
+            self._spectator_view, changed = None, (None,)
         if changed is not None:
             self._connection.send(SpectatorPort(*changed))
 
-    def _sight(self) -> Sight:
+    def _world_in_numbers(self) -> WorldInNumbers:
         world = self._engine.world
-        return Sight(
+        return WorldInNumbers(
             position_m=world.position_world_gripper_m,
             held=world.held,
             gripper=world.gripper,
@@ -234,10 +236,10 @@ class Worker:
             bins_m=release_points(self._engine.scene.bins),
         )
 
-    def _take_input(self, now_s: float) -> OperatorInput:
-        operator = replace(self._hands.take(now_s), after_pause=self._resumed)
+    def _take_input(self, now_s: float) -> UserInput:
+        user_input = replace(self._latch.take(now_s), after_pause=self._resumed)
         self._resumed = False
-        return operator
+        return user_input
 
     def _draw(self, ended: TickResult | None = None) -> None:
         """Show the world as it is now; a new cycle's scene replaces the old one."""

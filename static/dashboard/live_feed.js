@@ -5,7 +5,7 @@
 import { Emitter } from "../common/emitter.js";
 import { socketUrl } from "../common/root.js";
 
-/** @import { LiveReply, Thought } from "../../tests/javascript/api.d.ts" */
+/** @import { LiveReply, TickExplanation } from "../../tests/javascript/api.d.ts" */
 /** @import { SessionEvent } from "./api.js" */
 /**
  * News of the watched session; `since_start`: they take the place of what was told before.
@@ -14,7 +14,7 @@ import { socketUrl } from "../common/root.js";
  * @property {"watched"} type
  * @property {string} participant
  * @property {boolean} since_start
- * @property {Thought[]} ticks
+ * @property {TickExplanation[]} ticks
  * @property {SessionEvent[]} events
  */
 /** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[] }} Overview */

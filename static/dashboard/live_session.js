@@ -10,7 +10,7 @@ import { PlaneView } from "./live_plane.js";
 import { Spectator } from "./live_spectator.js";
 import { nameOf, taskWords } from "./sessions_table.js";
 
-/** @import { LiveReply, Thought } from "../../tests/javascript/api.d.ts" */
+/** @import { LiveReply, TickExplanation } from "../../tests/javascript/api.d.ts" */
 /** @import { Child } from "../common/dom.js" */
 /** @import { Toasts } from "../common/shell.js" */
 /** @import { Api, SessionEvent } from "./api.js" */
@@ -95,7 +95,7 @@ export class SessionPage {
     this.participant = participant;
     this.api = api;
     this.toasts = toasts;
-    /** @type {Thought[]} */
+    /** @type {TickExplanation[]} */
     this.ticks = [];
     /** @type {SessionEvent[]} */
     this.events = [];
@@ -347,7 +347,7 @@ function group(name, acts) {
 }
 
 /**
- * @param {Thought["action"] | undefined} action
+ * @param {TickExplanation["action"] | undefined} action
  * @returns {string}
  */
 function words(action) {

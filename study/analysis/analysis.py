@@ -19,17 +19,18 @@ from study.analysis import linear_model as statistics
 from study.analysis.dataset import DataSet
 from study.analysis.effect_sizes import NotFitted
 from study.analysis.linear_model import Anova, Pair, RepeatedMeasures, Slope
-from study.analysis.measures import Kind, Measures
+from study.analysis.measures import Measures, TaskKind
 from study.analysis.mixed_model import MixedModel, mixed_model
 from study.analysis.observations import Observation, observations, survey_observations
 from study.analysis.summaries import Summary, summary
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
+from study.records import TICK_S
 
 MeasureId = Literal[
     "belief_gain", "convergence_user_actions", "efficiency_ticks", "window_rate", "sus_modified", "tlx_raw"
 ]
-KIND_TITLES: dict[Kind, str] = {"pickup": "pickups", "dropoff": "dropoffs", "all": "all tasks"}
+KIND_TITLES: dict[TaskKind, str] = {"pickup": "pickups", "dropoff": "dropoffs", "all": "all tasks"}
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,14 @@ MEASURES: dict[str, MeasureInfo] = {
     for item in (
         MeasureInfo("belief_gain", "Belief accuracy gain after windows", "Δ probability", 4, "window"),
         MeasureInfo("convergence_user_actions", "Belief convergence speed", "user actions", 2, "task"),
-        MeasureInfo("efficiency_ticks", "Total task efficiency", "ticks of 0.5 s", 1, "task"),
+        MeasureInfo("efficiency_ticks", "Total task efficiency", f"ticks of {TICK_S:g} s", 1, "task"),
         MeasureInfo("window_rate", "Window rate", "windows per control tick", 4, "participant"),
         MeasureInfo("sus_modified", "Usability (modified SUS)", "score, 1–7", 2, "participant"),
         MeasureInfo("tlx_raw", "Workload (modified raw TLX)", "score, 1–7", 2, "participant"),
     )
 }
 OBJECTIVE: tuple[MeasureId, ...] = ("belief_gain", "convergence_user_actions", "efficiency_ticks")
-COMPARED_KINDS: tuple[Kind, ...] = ("pickup", "all")
+COMPARED_KINDS: tuple[TaskKind, ...] = ("pickup", "all")
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Comparison:
     """One measure compared between the conditions."""
 
     measure: MeasureInfo
-    kind: Kind | None
+    kind: TaskKind | None
     """None for questionnaires, which are about a whole trial."""
     observations: tuple[Observation, ...]
     summaries: dict[str, Summary]
@@ -98,7 +99,7 @@ class Analysis:
     comparisons: tuple[Comparison, ...]
     trends: tuple[GoalTrend, ...]
 
-    def comparison(self, measure: str, kind: Kind | None = None) -> Comparison | None:
+    def comparison(self, measure: str, kind: TaskKind | None = None) -> Comparison | None:
         """The comparison of that measure and kind; None = it was not measured (such as a questionnaire not asked)."""
         return next((c for c in self.comparisons if c.measure.id == measure and c.kind == kind), None)
 
@@ -129,7 +130,7 @@ def analyse(data: DataSet) -> Analysis:
 def compare(
     values: Sequence[Observation],
     measure: str,
-    kind: Kind | None,
+    kind: TaskKind | None,
     conditions: Sequence[str],
     *,
     mixed: bool = True,
@@ -159,13 +160,16 @@ def _info(form: Instrument) -> MeasureInfo:
 def _between(
     values: Sequence[Observation],
     info: MeasureInfo,
-    kind: Kind | None,
+    kind: TaskKind | None,
     conditions: Sequence[str],
     summaries: dict[str, Summary],
     mixed: bool,
 ) -> Comparison:
     y, condition = [item.value for item in values], [item.condition for item in values]
-    covariates = {"position": [item.position for item in values], "goal": [item.goal for item in values]}
+    covariates: dict[str, Sequence[object]] = {
+        "position": [item.position for item in values],
+        "goal": [item.goal for item in values],
+    }
     people = [item.participant for item in values]
     return Comparison(
         measure=info,
@@ -182,7 +186,7 @@ def _between(
 def _within(
     values: Sequence[Observation],
     info: MeasureInfo,
-    kind: Kind | None,
+    kind: TaskKind | None,
     conditions: Sequence[str],
     summaries: dict[str, Summary],
     mixed: bool,

@@ -85,7 +85,7 @@ class Quality:
     complete_participants: int
     """With a completed trial under every condition that occurs."""
     left_out_participants: dict[str, int]
-    """Kind (demo, pilot) to participants that are not analysed."""
+    """TaskKind (demo, pilot) to participants that are not analysed."""
     trials: int
     trials_left_out: dict[str, int]
     """Outcome to number of trials that were not completed."""

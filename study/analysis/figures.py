@@ -22,8 +22,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from study.analysis.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
-from study.analysis.measures import Kind
+from study.analysis.measures import TaskKind
 from study.analysis.observations import Observation
+from study.records import TICK_S
 
 MM = 1.0 / 25.4
 PNG_DPI = 300
@@ -376,7 +377,7 @@ def _draw_trend(ax: Axes, trend: GoalTrend, found: Sequence[Observation], counts
         people = [of[trend.condition] for of in _person_means([o for o in found if o.goals == count]).values()]
         shifts = np.linspace(-0.2, 0.2, len(people)) if len(people) > 1 else np.zeros(len(people))
         many = len(people) > MAX_LINES
-        style = {"ms": 1.2 if many else 2.0, "mfc": "none", "mew": 0.4, "alpha": 0.35 if many else 0.7}
+        style: dict[str, Any] = {"ms": 1.2 if many else 2.0, "mfc": "none", "mew": 0.4, "alpha": 0.35 if many else 0.7}
         ax.plot(count + shifts, people, look.marker, mec=look.colour, **style)
         if people:
             means.append((count, float(np.mean(people))))
@@ -426,9 +427,10 @@ def _title(ax: Axes, letter: str, title: str) -> None:
 
 def _axis_label(measure: str) -> str:
     info = MEASURES[measure]
-    return {"belief_gain": "gain in b(instructed goal)", "efficiency_ticks": "task length (ticks of 0.5 s)"}.get(
-        measure, info.unit
-    )
+    return {
+        "belief_gain": "gain in b(instructed goal)",
+        "efficiency_ticks": f"task length (ticks of {TICK_S:g} s)",
+    }.get(measure, info.unit)
 
 
 def _legend(figure: Figure, conditions: Sequence[str], columns: int = 5) -> None:
@@ -443,7 +445,8 @@ def _legend(figure: Figure, conditions: Sequence[str], columns: int = 5) -> None
 
 @contextmanager
 def _figure(width_mm: float, height_mm: float) -> Iterator[Figure]:
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE}):
+    settings: dict[Any, Any] = {**matplotlib.rcParamsDefault, **_STYLE}  # whose own type lists every key there is
+    with matplotlib.rc_context(settings):
         yield Figure(figsize=(width_mm * MM, height_mm * MM), layout="constrained")
 
 
@@ -456,4 +459,4 @@ def _rendered(figure: Figure) -> tuple[str, bytes]:
     return svg.getvalue(), png.getvalue()
 
 
-__all__ = ["Heatmap", "HeatmapGoal", "Kind", "Picture", "draw_all", "looks", "stars"]
+__all__ = ["Heatmap", "HeatmapGoal", "Picture", "TaskKind", "draw_all", "looks", "stars"]

@@ -32,7 +32,7 @@ TIE = 1e-12
 """Probabilities closer than this are equal: the goal is then not *the* most likely one."""
 
 CONTROL_SOURCES = frozenset({"user", "robot", "idle"})
-Kind = Literal["all", "pickup", "dropoff"]
+TaskKind = Literal["all", "pickup", "dropoff"]
 WindowEnd = Literal["user", "gripper", "pause", "task"]
 
 
@@ -116,7 +116,7 @@ class WindowRate:
     participant: str
     condition: str
     position: int
-    kind: Kind
+    kind: TaskKind
     windows: int
     control_ticks: int
 
@@ -135,15 +135,15 @@ class Measures:
     not_run: tuple[TaskRow, ...] = ()
     """Dropoffs that did not follow a failed pickup."""
 
-    def analysed_tasks(self, kind: Kind = "all") -> list[TaskMeasures]:
+    def analysed_tasks(self, kind: TaskKind = "all") -> list[TaskMeasures]:
         """The tasks that enter the analysis."""
         return [task for task in self.tasks if task.analysed and kind in ("all", task.kind)]
 
-    def analysed_windows(self, kind: Kind = "all") -> list[WindowMeasures]:
+    def analysed_windows(self, kind: TaskKind = "all") -> list[WindowMeasures]:
         """The windows of those tasks."""
         return [window for window in self.windows if window.analysed and kind in ("all", window.kind)]
 
-    def gains(self, kind: Kind = "all") -> list[WindowMeasures]:
+    def gains(self, kind: TaskKind = "all") -> list[WindowMeasures]:
         """The windows that *belief accuracy gain* is measured at."""
         return [window for window in self.analysed_windows(kind) if window.uncertain]
 
@@ -335,7 +335,7 @@ def _place(row: TaskRow) -> str:
 # ---- per participant ------------------------------------------------------------------------------------------------
 
 
-def window_rates(measures: Measures, kind: Kind = "all") -> tuple[WindowRate, ...]:
+def window_rates(measures: Measures, kind: TaskKind = "all") -> tuple[WindowRate, ...]:
     """Windows (of any entropy, however they ended) per control tick, for every participant and condition."""
     ticks: dict[tuple[str, str, int], int] = {}
     for task in measures.analysed_tasks(kind):

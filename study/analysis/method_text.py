@@ -12,6 +12,7 @@ from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.analysis.summaries import Summary
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.questionnaires import own_instruments
+from study.records import TICK_S
 
 MINUS = "−"
 
@@ -73,9 +74,9 @@ def methods(analysis: Analysis) -> list[str]:
     scales = [forms[name] for name in sorted({score.instrument for score in data.scores}) if name in forms]
     paragraphs = [
         f"{quality.participants} participants completed {quality.trials} trials under {len(data.conditions)} "
-        "conditions within participants. A tick is 0.5 s. Completed trials alone were analysed. Failed pickups were "
-        "kept; dropoffs that failed or, after a failed pickup, were not run were left out. Pickups and all tasks were "
-        "analysed separately.",
+        f"conditions within participants. A tick is {TICK_S:g} s. Completed trials alone were analysed. Failed "
+        "pickups were kept; dropoffs that failed or, after a failed pickup, were not run were left out. Pickups and "
+        "all tasks were analysed separately.",
         "Total task efficiency is the number of ticks of a task without gripper and reset ticks. Belief convergence "
         "speed is the number of user actions observed up to and including the first from which the instructed goal is "
         "the single most likely one for the rest of the task, over ticks in which it is a candidate (candidates switch "

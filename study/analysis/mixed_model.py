@@ -144,7 +144,7 @@ class _Groups:
         sums = self._sums_y - self._sums_x @ effects
         variance = squares / (len(self._y) - self._design.shape[1])
         trace = len(self._y) - float(np.einsum("ij,jk,ik->", self._sums_x, inverse, self._sums_x))
-        return float(sums @ sums) / variance <= trace
+        return bool(float(sums @ sums) / variance <= trace)
 
     def best_fit(self) -> _RandomIntercept:
         """The ratio of the greatest restricted likelihood."""
@@ -154,7 +154,8 @@ class _Groups:
             ratio = math.exp(log_ratio)
             inverse, _, squares = self._solve(ratio)
             log_inverse = float(np.linalg.slogdet(inverse)[1])
-            return degrees * math.log(squares) + float(np.log1p(ratio * self._sizes).sum()) - log_inverse
+            penalty = float(np.log1p(ratio * self._sizes).sum())
+            return float(degrees * math.log(squares) + penalty - log_inverse)
 
         found = optimize.minimize_scalar(loss, bounds=(-20.0, 10.0), method="bounded", options={"xatol": 1e-8})
         return self.fit(math.exp(float(found.x)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from study.analysis.measures import Kind, Measures, window_rates
+from study.analysis.measures import Measures, TaskKind, window_rates
 from study.flow.answers import SurveyScore
 
 
@@ -21,7 +21,7 @@ class Observation:
     goals: int
 
 
-def observations(measures: Measures, measure: str, kind: Kind) -> tuple[Observation, ...]:
+def observations(measures: Measures, measure: str, kind: TaskKind) -> tuple[Observation, ...]:
     """The values of an objective measure: tasks that converged, windows that count, rates per participant."""
     found: list[Observation] = []
     if measure == "window_rate":

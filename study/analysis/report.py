@@ -297,7 +297,8 @@ def inline_svg(picture: Picture) -> str:
 
 
 def _pairs_table(analysis: Analysis) -> str:
-    rows, marked = [], []
+    rows: list[tuple[str, ...]] = []
+    marked: list[int] = []
     for comparison in analysis.comparisons:
         for pair in comparison.pairs:
             if pair.p < 0.05:
@@ -370,10 +371,19 @@ def _counts_table(analysis: Analysis) -> str:
     for condition, of in found.items():
         for kind, title in KIND_TITLES.items():
             counts = of["tasks"][kind]["counts"]
-            names = ("successes", "failures", "not_run", "analysed", "never_converged", "windows")
+            names: tuple[str, ...] = ("successes", "failures", "not_run", "analysed", "never_converged", "windows")
             names += ("windows_ended_by_user", "windows_above_entropy")
             rows.append((escape(_name(analysis, condition)), title, *(str(counts[name]) for name in names)))
-    header = ("Condition", "Tasks", "Successes", "Failures", "Not run", "Analysed", "Never converged", "Windows")
+    header: tuple[str, ...] = (
+        "Condition",
+        "Tasks",
+        "Successes",
+        "Failures",
+        "Not run",
+        "Analysed",
+        "Never converged",
+        "Windows",
+    )
     header += ("ended by user", f"of these H &gt; {GAIN_ENTROPY}")
     reasons = [
         f"{item.tasks} × {item.kind} under {_name(analysis, item.condition)}: {item.reason.replace('_', ' ')}"

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from study.analysis.measures import Kind, Measures, window_rates
+from study.analysis.measures import Measures, TaskKind, window_rates
 from study.flow.answers import SurveyScore
 from study.records import CONDITIONS
 
-KINDS_OF_SUMMARY: tuple[Kind, ...] = ("pickup", "dropoff", "all")
+KINDS_OF_SUMMARY: tuple[TaskKind, ...] = ("pickup", "dropoff", "all")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def summarise(measures: Measures, scores: Iterable[SurveyScore] = ()) -> dict[st
     }
 
 
-def _summarise_kind(measures: Measures, condition: str, kind: Kind) -> dict[str, Any]:
+def _summarise_kind(measures: Measures, condition: str, kind: TaskKind) -> dict[str, Any]:
     tasks = [task for task in measures.analysed_tasks(kind) if task.condition == condition]
     windows = [window for window in measures.analysed_windows(kind) if window.condition == condition]
     gains = [window for window in windows if window.uncertain]

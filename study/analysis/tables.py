@@ -21,7 +21,7 @@ MEASURES_VERSION = 1
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """A CSV file: name without ending, column names, rows."""
 
     name: str
@@ -49,13 +49,13 @@ def measures_json(analysis: Analysis) -> str:
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def all_tables(analysis: Analysis) -> tuple[Table, ...]:
+def all_tables(analysis: Analysis) -> tuple[CsvTable, ...]:
     """Every table: one row per task, window, rate and score, then the statistics."""
     data = analysis.data
     return (
         _of_values("tasks", TaskMeasures, data.measures.tasks),
         _of_values("windows", WindowMeasures, data.measures.windows),
-        Table(
+        CsvTable(
             "window_rates",
             ("participant", "condition", "position", "kind", "windows", "control_ticks", "rate"),
             tuple(
@@ -64,7 +64,7 @@ def all_tables(analysis: Analysis) -> tuple[Table, ...]:
                 for rate in window_rates(data.measures, kind)
             ),
         ),
-        Table(
+        CsvTable(
             "survey_scores",
             ("participant", "condition", "position", "instrument", "score"),
             tuple(astuple(item) for item in data.scores),
@@ -74,7 +74,7 @@ def all_tables(analysis: Analysis) -> tuple[Table, ...]:
         _pairs(analysis),
         _mixed(analysis),
         _trends(analysis),
-        Table(
+        CsvTable(
             "distractor",
             ("condition", "raised", "answered", "correct", "median_answer_s"),
             tuple(astuple(item) for item in data.quality.alerts),
@@ -82,13 +82,13 @@ def all_tables(analysis: Analysis) -> tuple[Table, ...]:
     )
 
 
-def _of_values(name: str, kind: type, values: Sequence[Any]) -> Table:
+def _of_values(name: str, kind: type, values: Sequence[Any]) -> CsvTable:
     header = tuple(item.name for item in fields(kind))
-    return Table(name, header, tuple(tuple(getattr(value, column) for column in header) for value in values))
+    return CsvTable(name, header, tuple(tuple(getattr(value, column) for column in header) for value in values))
 
 
-def _descriptives(analysis: Analysis) -> Table:
-    return Table(
+def _descriptives(analysis: Analysis) -> CsvTable:
+    return CsvTable(
         "descriptives",
         ("measure", "tasks", "condition", "n", "mean", "sd"),
         tuple(
@@ -99,7 +99,7 @@ def _descriptives(analysis: Analysis) -> Table:
     )
 
 
-def _anovas(analysis: Analysis) -> Table:
+def _anovas(analysis: Analysis) -> CsvTable:
     def rows() -> Iterator[tuple[Any, ...]]:
         for comparison in analysis.comparisons:
             anova = comparison.anova
@@ -123,12 +123,22 @@ def _anovas(analysis: Analysis) -> Table:
                 None,
             )
 
-    header = ("measure", "tasks", "model", "n", "F", "df_effect", "df_error", "p", "partial_eta_squared")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "model",
+        "n",
+        "F",
+        "df_effect",
+        "df_error",
+        "p",
+        "partial_eta_squared",
+    )
     header += ("eta_ci90_low", "eta_ci90_high", "p_greenhouse_geisser", "p_equal_variances", "not_fitted_because")
-    return Table("anova", header, tuple(rows()))
+    return CsvTable("anova", header, tuple(rows()))
 
 
-def _pairs(analysis: Analysis) -> Table:
+def _pairs(analysis: Analysis) -> CsvTable:
     def rows() -> Iterator[tuple[Any, ...]]:
         for comparison in analysis.comparisons:
             for pair in comparison.pairs:
@@ -145,12 +155,21 @@ def _pairs(analysis: Analysis) -> Table:
                     *(astuple(effect) if effect else (None, None, None)),
                 )
 
-    header = ("measure", "tasks", "first", "second", "adjusted_difference", "ci95_low", "ci95_high", "p_tukey")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "first",
+        "second",
+        "adjusted_difference",
+        "ci95_low",
+        "ci95_high",
+        "p_tukey",
+    )
     header += ("effect_size", "effect", "effect_ci95_low", "effect_ci95_high")
-    return Table("pairwise", header, tuple(rows()))
+    return CsvTable("pairwise", header, tuple(rows()))
 
 
-def _mixed(analysis: Analysis) -> Table:
+def _mixed(analysis: Analysis) -> CsvTable:
     def rows() -> Iterator[tuple[Any, ...]]:
         for comparison in analysis.comparisons:
             model = comparison.mixed
@@ -174,13 +193,23 @@ def _mixed(analysis: Analysis) -> Table:
                         model.note,
                     )
 
-    header = ("measure", "tasks", "condition", "against", "difference", "ci95_low", "ci95_high", "p", "chi_squared")
+    header: tuple[str, ...] = (
+        "measure",
+        "tasks",
+        "condition",
+        "against",
+        "difference",
+        "ci95_low",
+        "ci95_high",
+        "p",
+        "chi_squared",
+    )
     header += ("df", "p_condition", "participant_sd", "residual_sd", "note")
-    return Table("mixed_models", header, tuple(rows()))
+    return CsvTable("mixed_models", header, tuple(rows()))
 
 
-def _trends(analysis: Analysis) -> Table:
-    return Table(
+def _trends(analysis: Analysis) -> CsvTable:
+    return CsvTable(
         "gain_by_goals",
         ("condition", "goals", "n", "mean", "sd"),
         tuple(

@@ -9,10 +9,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
-from study.flow.open_link import placeholders
 
 
 def cross_problems(

@@ -27,9 +27,13 @@ class QuestionnaireItem(Part):
     """One statement or scale. `low` and `high` are the words at its ends, the questionnaire's if left out."""
 
     id: Identifier
+    """Name of the item in the data."""
     text: Text
+    """The statement, or the question, as the participant reads it."""
     low: Annotated[str, Field(strict=True)] = ""
+    """Words at the low end."""
     high: Annotated[str, Field(strict=True)] = ""
+    """Words at the high end."""
     reversed: Flag = False
     """Whether a high answer speaks against what the score measures."""
 
@@ -38,12 +42,17 @@ class QuestionnaireFile(Part):
     """A questionnaire as its own file holds it; its id is the file's name."""
 
     title: Text
+    """Heading of the page."""
     intro: Text
+    """What stands above the items."""
     source: Annotated[str, Field(strict=True)] = ""
     """Whose words these are and what was changed; shown with the questionnaire."""
     points: int = number(default=7, ge=2, le=11)
+    """How many points the scale has."""
     low: Annotated[str, Field(strict=True)] = ""
+    """Words at the low end of every item that has none of its own."""
     high: Annotated[str, Field(strict=True)] = ""
+    """The same at the high end."""
     scoring: Literal["mean", "sum"] = "mean"
     """Of all items, after reversing."""
     score_means: Text
@@ -55,6 +64,7 @@ class Questionnaire(QuestionnaireFile):
     """A questionnaire in the study file."""
 
     id: Identifier
+    """Its name in `surveys` and in the data."""
 
     @property
     def instrument(self) -> Instrument:

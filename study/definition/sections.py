@@ -25,40 +25,53 @@ class Option(Part):
     """One answer to choose."""
 
     id: Identifier
+    """What the data hold when it is chosen."""
     label: Text
+    """What the participant reads."""
 
 
 class DemographicItem(Part):
     """One question about the participant. Only a `choice` has options."""
 
     id: Identifier
+    """Name of the question in the data."""
     prompt: Text
+    """The question."""
     kind: Literal["choice", "text", "number"] = "choice"
+    """How it is answered."""
     options: tuple[Option, ...] = ()
     required: Flag = True
+    """Whether the page waits for an answer."""
 
 
 class ComprehensionQuestion(Part):
     """One question about the instructions; `correct` is the id of the right option."""
 
     id: Identifier
+    """Name of the question in the data."""
     prompt: Text
+    """The question."""
     options: Annotated[tuple[Option, ...], Field(min_length=2)]
     correct: Identifier
+    """Id of the right option."""
 
 
 class OpenQuestion(Part):
     """A question of the debrief, answered in the participant's own words or not at all."""
 
     id: Identifier
+    """Name of the question in the data."""
     prompt: Text
+    """The question."""
 
 
 class Consent(Part):
     """What a participant agrees to, and whom to ask."""
 
     text: Paragraphs
+    """What is agreed to, one text a paragraph."""
     contact: Text
+    """Who answers questions about the study."""
     on_withdrawal: Literal["keep", "erase"] = "keep"
     """What becomes of the data of somebody who withdraws, as the text says; the experimenter may still choose."""
 
@@ -72,6 +85,7 @@ class Instructions(Part):
     """The text before practice and the questions that check it was understood."""
 
     text: Paragraphs
+    """What the participant reads before practice."""
     questions: tuple[ComprehensionQuestion, ...] = ()
 
 
@@ -79,23 +93,31 @@ class Texts(Part):
     """The lab's words between and after the trials."""
 
     between_trials: Paragraphs
+    """On the break between two trials."""
     debrief: Paragraphs
+    """After the last trial."""
     debrief_questions: tuple[OpenQuestion, ...] = ()
     thanks: Paragraphs
+    """The last page of who completed the study."""
     withdrawn: Paragraphs
+    """The last page of who ended it."""
     aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
+    """The last page when the experimenter ended it."""
     screened_out: Paragraphs = (
         "This study cannot be done on this device, so that it ends here. Thank you for your interest.",
     )
+    """The last page of who was screened out."""
 
 
 class Condition(Part):
     """One way the robot assists. `alpha` weighs information, `beta` goals, `gamma` the person (paper III-F)."""
 
     id: Identifier
+    """Its name in the data."""
     arbiter: Literal["teleoperation", "goal_oriented", "balanced"]
     alpha: Alpha = 0.0
     beta: float = number(default=1.0, ge=0.0)
+    """Weight of getting closer to the goals."""
     gamma: float = number(default=1e6, ge=0.0)
 
 
@@ -108,11 +130,12 @@ class ArbiterSettings(Part):
     """Share of a tick in which the arm still follows the previous direction."""
     transition: Literal["mix", "replan"] = "mix"
     entropy_floor: float = number(default=0.1, gt=0.0, le=1.0)
+    """Below this entropy the weights change no more; 0.1 in the paper."""
     stickiness: float = number(default=0.003, ge=0.0, le=1.0)
 
 
 class RobotSettings(Part):
-    """How fast the robot is and how long its own actions take, in ticks of 0.5 s."""
+    """How fast the robot is and how long its own actions take, in ticks."""
 
     speed_m_s: float = number(default=0.04, gt=0.0, le=0.1)
     """0.1 m/s is 5 cm a tick, the paper's largest Cartesian step."""
@@ -120,19 +143,24 @@ class RobotSettings(Part):
     settle_timeout_ticks: int = number(default=12, ge=1, le=120)
     """How long a released object may take to come to rest before the dropoff is judged as it lies."""
     reset_ticks: int = number(default=4, ge=1, le=120)
+    """How long the arm takes back to its start."""
 
 
 class DistractorSettings(Part):
     """The second task: readings to be logged (paper IV-B). Times are trial time, which stops during a pause."""
 
     enabled: Flag = True
+    """Whether there are readings at all."""
     first_s: float = number(default=10.0, ge=0.0, le=3600.0)
     every_s: float = number(default=20.0, gt=0.0, le=3600.0)
+    """From one reading to the next."""
     answer_within_s: float = number(default=20.0, gt=0.0, le=3600.0)
+    """How long a reading can be answered."""
     placement: Literal["second_device", "same_page_away"] = "same_page_away"
     away_min_s: float = number(default=5.0, ge=0.0, le=3600.0)
     """`same_page_away` only: the shortest time the pad stays ignored after a reading appeared."""
     digits: int = number(default=4, ge=1, le=9)
+    """How many digits a reading has."""
     decimals: int = number(default=1, ge=0, le=4)
     """How many of the digits stand after the point."""
 
@@ -147,8 +175,11 @@ class QualityRules(Part):
     max_missed_ticks: int = number(default=10, ge=0, le=1_000_000)
     """Ticks that started more than 50 ms late."""
     max_focus_losses: int = number(default=3, ge=0, le=1_000_000)
+    """How often the page may lose the focus."""
     max_pad_losses: int = number(default=1, ge=0, le=1_000_000)
+    """How often the gamepad may be lost."""
     max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)
+    """How many readings may expire."""
     exclude_suspect: Flag = False
     """Whether the analysis leaves suspect trials out; an experimenter's verdict overrides the automatic one."""
 
@@ -198,4 +229,6 @@ class Recruitment(Part):
         "Thank you for your interest in this study. It runs in this browser, and nothing has to be installed.",
         "Press Begin when you have time and quiet to take part.",
     )
+    """What the open link's page says before Begin."""
     full: Paragraphs = ("This study has all the participants it needs. Thank you for your interest.",)
+    """What it says when the places are taken."""

@@ -38,7 +38,7 @@ from study.definition.sections import (
     Texts,
 )
 from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
-from study.records import StudyError
+from study.records import TICK_S, StudyError
 
 __all__ = [
     "Pickup",
@@ -68,15 +68,19 @@ class Study(Part):
     NOT_IN_FILE: ClassVar[tuple[str, ...]] = ("hash", "source_text")
 
     title: Text
+    """Name of the study, as participants see it."""
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
-    heartbeat_timeout_s: float = number(default=0.5, ge=0.3, le=30.0)
+    heartbeat_timeout_s: float = number(default=TICK_S, ge=0.3, le=30.0)
     """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
     taken for hands off."""
     layout: Identifier
+    """Where the objects stand on the table."""
     objects: Annotated[tuple[Identifier, ...], Field(min_length=1)]
+    """What stands there, as many as the layout has places, or fewer."""
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]
+    """Where objects are brought to."""
     pickups_per_trial: int = number(default=3, ge=1)
     surveys: tuple[Identifier, ...] = ("sus_modified", "tlx_raw")
     """Questionnaires after every trial: built in, or the study's own. The paper's unless the file says otherwise:

@@ -28,7 +28,7 @@ MAX_ANSWER_CHARACTERS = 40
 
 
 @dataclass(frozen=True)
-class Alert:
+class AlertState:
     """One reading, raised at `due_trial_s`. Times are as in `records.AlertRow`."""
 
     alert: int
@@ -52,7 +52,7 @@ class DistractorState:
     """The readings of one trial so far. `DistractorState(settings)` is the state before the first tick."""
 
     settings: DistractorSettings
-    alerts: tuple[Alert, ...] = ()
+    alerts: tuple[AlertState, ...] = ()
     is_over: bool = False
 
     def due_s(self, alert: int) -> float:
@@ -64,15 +64,15 @@ class DistractorState:
         return min(self.due_s(alert) + self.settings.answer_within_s, self.due_s(alert + 1))
 
     @property
-    def open_alert(self) -> Alert | None:
+    def open_alert(self) -> AlertState | None:
         """The alert that waits for an answer; there is never more than one."""
         return next((alert for alert in self.alerts if alert.status == "open"), None)
 
-    def alert(self, number: int) -> Alert | None:
-        """Alert `number`, from 1, or None when it was not raised yet."""
+    def alert(self, number: int) -> AlertState | None:
+        """AlertState `number`, from 1, or None when it was not raised yet."""
         return self.alerts[number - 1] if 1 <= number <= len(self.alerts) else None
 
-    def advance(self, trial_s: float, reading: Callable[[int], str]) -> tuple[DistractorState, tuple[Alert, ...]]:
+    def advance(self, trial_s: float, reading: Callable[[int], str]) -> tuple[DistractorState, tuple[AlertState, ...]]:
         """The state at `trial_s`, and the alerts that were raised or expired on the way, in order.
 
         `reading` gives the text of an alert (`design.reading` with the trial's plan).
@@ -85,7 +85,7 @@ class DistractorState:
                 state = state._with(closed)
                 changed.append(closed)
             else:
-                raised = Alert(coming, reading(coming), state.due_s(coming))
+                raised = AlertState(coming, reading(coming), state.due_s(coming))
                 state = replace(state, alerts=(*state.alerts, raised))
                 changed.append(raised)
         return state, tuple(changed)
@@ -122,7 +122,7 @@ class DistractorState:
         alert = self.alert(number)
         return self if alert is None or alert.heard_utc else self._with(replace(alert, heard_utc=utc))
 
-    def close(self) -> tuple[DistractorState, tuple[Alert, ...]]:
+    def close(self) -> tuple[DistractorState, tuple[AlertState, ...]]:
         """The trial is over: no more alerts; the one still open is returned closed."""
         waiting, state = self.open_alert, replace(self, is_over=True)
         if waiting is None:
@@ -140,7 +140,7 @@ class DistractorState:
             return 0.0
         return max(0.0, self.alerts[-1].due_trial_s + self.settings.away_min_s - trial_s)
 
-    def row(self, alert: Alert, participant: str, condition: str, trial: int) -> AlertRow:
+    def row(self, alert: AlertState, participant: str, condition: str, trial: int) -> AlertRow:
         """What is recorded of an alert."""
         correct = alert.correct
         return AlertRow(
@@ -165,7 +165,7 @@ class DistractorState:
             return False
         return trial_s >= self.alerts[-1].due_trial_s
 
-    def _with(self, alert: Alert) -> DistractorState:
+    def _with(self, alert: AlertState) -> DistractorState:
         position = alert.alert - 1
         return replace(self, alerts=(*self.alerts[:position], alert, *self.alerts[position + 1 :]))
 
@@ -179,7 +179,7 @@ def from_rows(settings: DistractorSettings, rows: Iterable[AlertRow]) -> Distrac
                 f"alerts of {row.participant!r}, trial {row.trial}: found {row.alert}, expected {expected}"
             )
         alerts.append(
-            Alert(
+            AlertState(
                 alert=row.alert,
                 reading=row.reading,
                 due_trial_s=row.due_trial_s,

@@ -16,7 +16,6 @@ from study.flow.protocol import State
 MAX_ID_CHARACTERS = 100
 _ID = re.compile(rf"[A-Za-z0-9._~@-]{{1,{MAX_ID_CHARACTERS}}}\Z")
 """What needs no escaping in an address. The placeholders of a service that filled in nothing are no ids."""
-_PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 BEFORE_CONSENT: frozenset[State] = frozenset({"eligibility", "consent"})
 """States in which nothing is known of somebody that could be told to another who has their id."""
 
@@ -24,18 +23,6 @@ IDENTITY_PREFIX = "id."
 """What the kinds of these ids begin with in the store, beside the parameter's name."""
 
 Answer = Literal["enrol", "back", "elsewhere", "full", "closed"]
-
-
-def placeholders(link: str) -> tuple[str, ...]:
-    """The names that stand in braces in a link."""
-    return tuple(_PLACEHOLDER.findall(link))
-
-
-def filled(link: str, ids: Mapping[str, str]) -> str | None:
-    """The link with its placeholders replaced; None when there is no link, or an id it needs is not known."""
-    if not link or any(name not in ids for name in placeholders(link)):
-        return None
-    return _PLACEHOLDER.sub(lambda found: ids[found.group(1)], link)
 
 
 def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from study.definition.study import Study, orders
 from study.flow.eligibility import checks_of
 from study.flow.open_link import open_link
+from study.records import TICK_S
 
 TRAVEL_M = 1.7
 """Way of the gripper for one object: there, to the bin, and the detours of a person; simulated participants' mean."""
-TICK_S = 0.5
 FORMS_S, FORM_ITEM_S = 240.0, 10.0
 """Consent, set-up and instructions, and each question of a form or questionnaire."""
 BETWEEN_TRIALS_S = 60.0

@@ -267,15 +267,6 @@ def advance(session: Session, event: Event | EventName, now_s: float) -> tuple[S
     return after, _effects(session, after)
 
 
-def replay(session: Session, events: Iterable[tuple[Event | EventName, float]]) -> tuple[Session, tuple[Effect, ...]]:
-    """The session after several (event, now_s), and all their effects."""
-    effects: tuple[Effect, ...] = ()
-    for event, now_s in events:
-        session, more = advance(session, event, now_s)
-        effects += more
-    return session, effects
-
-
 def restore(session: Session, now_s: float) -> tuple[Session, tuple[Effect, ...]]:
     """A stored session in a lab that has just started: nobody is connected and no worker runs.
 

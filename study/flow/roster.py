@@ -10,7 +10,8 @@ from study.definition.study import Study, next_order, orders
 from study.flow.open_link import BEFORE_CONSENT
 from study.flow.protocol import FREES_CELL, TERMINAL
 
-Kind = Literal["study", "pilot", "demo"]
+EnrolmentKind = Literal["study", "pilot", "demo"]
+"""What somebody is enrolled for. Only `study` holds a cell and is in the default export."""
 Act = Literal["reject", "withdraw", "erase", "new_link"]
 Cell = Literal["waiting", "under_way", "done"]
 ACTS: tuple[Act, ...] = ("reject", "withdraw", "erase", "new_link")
@@ -21,7 +22,7 @@ class Enrolled:
     """One participant, as far as counterbalancing and the buttons are concerned."""
 
     participant: str
-    kind: Kind
+    kind: EnrolmentKind
     state: str
     order: tuple[str, ...]
     rejected: bool

@@ -20,16 +20,19 @@ from study.store.async_store import AsyncStore
 from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
-from study.store.values import Cycle, Kind, StoredSession, StoreError
+from study.store.values import Batch, ConsentGiven, Cycle, Identity, StoredSession, StoreError, Submission
 
 __all__ = [
     "AsyncStore",
+    "Batch",
+    "ConsentGiven",
     "Cycle",
-    "Kind",
+    "Identity",
     "Snapshot",
     "Store",
     "StoreError",
     "StoredSession",
+    "Submission",
     "machine_fingerprint",
     "open_store",
 ]

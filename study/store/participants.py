@@ -10,12 +10,13 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 from study.definition.study import Study, next_order
 from study.flow.open_link import IDENTITY_PREFIX, ids_among
 from study.flow.protocol import FREES_CELL, from_json, new_session, to_json
+from study.flow.roster import EnrolmentKind
 from study.records import SCHEMA_VERSION, ParticipantRow
 from study.store.rows import add, clean_text, insert
 from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
-from study.store.values import Kind, StoredSession
+from study.store.values import StoredSession
 
-ID_LETTER: Mapping[Kind, str] = {"study": "P", "pilot": "T", "demo": "D"}
+ID_LETTER: Mapping[EnrolmentKind, str] = {"study": "P", "pilot": "T", "demo": "D"}
 """What ids begin with: P for participants, T for trial runs, D for demos."""
 ORDER_SEPARATOR = ">"
 
@@ -27,7 +28,7 @@ def enrol(
     seed: int,
     public_id: str,
     utc: str,
-    kind: Kind,
+    kind: EnrolmentKind,
     pace: str,
     order: Sequence[str] | None,
 ) -> str:

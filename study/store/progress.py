@@ -12,13 +12,13 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 from study.flow.protocol import Session, to_json
 from study.store.rows import insert
 from study.store.tables import CYCLES, RECORDS, SESSIONS, SUBMISSIONS
-from study.store.values import Cycle, StoreError
+from study.store.values import ConsentGiven, Cycle, StoreError
 
 
 def save_session(
-    connection: sql.Connection, session: Session, consent: tuple[str, str] | None, finished_utc: str | None
+    connection: sql.Connection, session: Session, consent: ConsentGiven | None, finished_utc: str | None
 ) -> None:
-    """The session as it is now, and its state in the recorded row; `consent` is (utc, hash)."""
+    """The session as it is now, and its state in the recorded row."""
     saved = connection.execute(
         SESSIONS.update()
         .where(SESSIONS.c.participant == session.participant)
@@ -30,7 +30,7 @@ def save_session(
     if session.state == "screened_out":
         values["screened_out"] = session.reason
     if consent is not None:
-        values["consent_utc"], values["consent_hash"] = consent
+        values["consent_utc"], values["consent_hash"] = consent.utc, consent.sha256
     if finished_utc is not None:
         values["finished_utc"] = finished_utc
     table = RECORDS["participants"]

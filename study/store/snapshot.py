@@ -9,10 +9,10 @@ from typing import Any
 
 import sqlalchemy as sql
 
+from study.flow.roster import EnrolmentKind
 from study.records import KEYS, OVERRUN_MS, TABLES, TrialRow, columns
 from study.store import erasure
 from study.store.tables import MACHINES, RECORDS, SESSIONS, STUDIES
-from study.store.values import Kind
 
 
 class Snapshot:
@@ -64,7 +64,7 @@ class Snapshot:
         return erasure.erasures(self._connection)
 
 
-def _kinds(include_demo: bool, include_pilot: bool) -> tuple[Kind, ...]:
+def _kinds(include_demo: bool, include_pilot: bool) -> tuple[EnrolmentKind, ...]:
     return ("study", *(("pilot",) if include_pilot else ()), *(("demo",) if include_demo else ()))
 
 

@@ -5,18 +5,18 @@ Every method that writes is one transaction and is on disk when it returns. A `S
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
 from study.definition.study import Study, plan_session
-from study.flow.protocol import Session
-from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
+from study.flow.roster import EnrolmentKind
+from study.records import EventRow, TickRow
 from study.store import erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database
 from study.store.snapshot import Snapshot
-from study.store.values import Cycle, Kind, StoredSession, StoreError
+from study.store.values import Batch, Cycle, StoredSession, StoreError
 
 
 def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False) -> Store:
@@ -60,7 +60,7 @@ class Store:
         public_id: str,
         utc: str,
         tokens: Mapping[str, str] | None = None,
-        kind: Kind = "study",
+        kind: EnrolmentKind = "study",
         pace: str = "real_time",
         order: Sequence[str] | None = None,
         identities: Mapping[str, str] | None = None,
@@ -89,11 +89,6 @@ class Store:
         if not found:
             raise StoreError(f"no participant {participant!r}")
         return found[0]
-
-    def session_of_public_id(self, public_id: str) -> StoredSession | None:
-        """The participant whose pages live under this id."""
-        with self._database.read() as connection:
-            return next(iter(participants.stored_sessions(connection, public_id=public_id)), None)
 
     def sessions(self) -> tuple[StoredSession, ...]:
         """Everyone, demo included, in order of enrolment."""
@@ -182,48 +177,26 @@ class Store:
 
     # ---- what happens in a session
 
-    def commit(
-        self,
-        *,
-        session: Session | None = None,
-        ticks: Iterable[TickRow] = (),
-        practice_ticks: Iterable[TickRow] = (),
-        trials: Iterable[TrialRow] = (),
-        tasks: Iterable[TaskRow] = (),
-        alerts: Iterable[AlertRow] = (),
-        answers: Iterable[SurveyAnswerRow] = (),
-        events: Iterable[EventRow] = (),
-        cycles: Iterable[Cycle] = (),
-        consent: tuple[str, str] | None = None,
-        finished_utc: str | None = None,
-        submission: tuple[str, str, Mapping[str, Any]] | None = None,
-        identities: Iterable[tuple[str, str, str]] = (),
-    ) -> bool:
-        """Write all of this or nothing, on disk at return.
-
-        Trials, tasks, alerts and cycles replace an earlier row of the same key; ticks, answers and events are only
-        ever added. `consent` is (utc, hash), with `session`. `submission` is (participant, message id, response):
-        when that id was answered before, nothing at all is written and the result is False. `identities` are
-        (participant, kind, text): words that may identify somebody, which no export holds.
-        """
+    def commit(self, batch: Batch) -> bool:
+        """Write a batch; on disk at return. False, and nothing written, when its submission was answered before."""
         with self._database.write() as connection:
-            if submission is not None:
-                participant, message_id, response = submission
-                if progress.response_to(connection, participant, message_id) is not None:
+            sent = batch.submission
+            if sent is not None:
+                if progress.response_to(connection, sent.participant, sent.message_id) is not None:
                     return False
-                progress.save_response(connection, participant, message_id, response)
-            for person, kind, text in identities:
-                participants.add_identity(connection, person, kind, text)
-            if session is not None:
-                progress.save_session(connection, session, consent, finished_utc)
-            rows.add(connection, "ticks", ticks)
-            rows.add(connection, "practice_ticks", practice_ticks)
-            rows.put(connection, "trials", trials)
-            rows.put(connection, "tasks", tasks)
-            rows.put(connection, "alerts", alerts)
-            rows.add(connection, "survey_answers", answers)
-            rows.add(connection, "events", events)
-            for cycle in cycles:
+                progress.save_response(connection, sent.participant, sent.message_id, sent.response)
+            for identity in batch.identities:
+                participants.add_identity(connection, identity.participant, identity.kind, identity.text)
+            if batch.session is not None:
+                progress.save_session(connection, batch.session, batch.consent, batch.finished_utc)
+            rows.add(connection, "ticks", batch.ticks)
+            rows.add(connection, "practice_ticks", batch.practice_ticks)
+            rows.put(connection, "trials", batch.trials)
+            rows.put(connection, "tasks", batch.tasks)
+            rows.put(connection, "alerts", batch.alerts)
+            rows.add(connection, "survey_answers", batch.answers)
+            rows.add(connection, "events", batch.events)
+            for cycle in batch.cycles:
                 progress.save_cycle(connection, cycle)
         return True
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from study.flow.protocol import Session
-from study.records import StudyError
-
-Kind = Literal["study", "pilot", "demo"]
-"""What somebody is enrolled for. Only `study` holds a cell and is in the default export."""
+from study.flow.roster import EnrolmentKind
+from study.records import AlertRow, EventRow, StudyError, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 
 
 class StoreError(StudyError):
@@ -24,7 +23,7 @@ class StoredSession:
     public_id: str
     session: Session
     order: tuple[str, ...]
-    kind: Kind
+    kind: EnrolmentKind
     pace: str
     study_hash: str
     seed: int
@@ -47,3 +46,53 @@ class Cycle:
     cycle: int
     start: str
     """JSON, made and read by the worker."""
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A message of a page that asks to be dealt with once: whose, its id, and what a resend is answered with."""
+
+    participant: str
+    message_id: str
+    response: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Words that may identify somebody, which no export holds: whose, what kind, and the words."""
+
+    participant: str
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True)
+class ConsentGiven:
+    """When somebody agreed to take part, and the SHA-256 of the text they agreed to."""
+
+    utc: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What is written together: all of it is on disk, or nothing.
+
+    Trials, tasks, alerts and cycles take the place of an earlier row of the same key; ticks, answers and events are
+    only ever added. `consent` and `finished_utc` go with `session`. When `submission` was answered before, nothing at
+    all is written.
+    """
+
+    session: Session | None = None
+    consent: ConsentGiven | None = None
+    finished_utc: str | None = None
+    ticks: tuple[TickRow, ...] = ()
+    practice_ticks: tuple[TickRow, ...] = ()
+    trials: tuple[TrialRow, ...] = ()
+    tasks: tuple[TaskRow, ...] = ()
+    alerts: tuple[AlertRow, ...] = ()
+    answers: tuple[SurveyAnswerRow, ...] = ()
+    events: tuple[EventRow, ...] = ()
+    cycles: tuple[Cycle, ...] = ()
+    submission: Submission | None = None
+    identities: tuple[Identity, ...] = ()

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from app.autonomy.actions import DIRECTIONS, NULL_ACTION, index_of
-from app.autonomy.arbiter import ArbiterParameters, Evaluation, decide, disagreement, entropy_weights, evaluate
+from app.autonomy.actions import DIRECTIONS, NULL_ACTION, UNIT_DIRECTIONS, index_of
+from app.autonomy.arbiter import ArbiterParameters, Evaluation, disagreement, entropy_weights, evaluate
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
 from tests.support.autonomy_cases import (
@@ -91,7 +91,7 @@ def test_whole_episodes_agree_with_the_literal_equations_to_the_choice(kind: Any
         assert actual.chosen == literal.chosen
         prior = actual.posterior
         position = parameters.transition.next_positions(position, momentum)[actual.chosen]
-        momentum = parameters.transition.next_momenta(momentum)[actual.chosen]
+        momentum = UNIT_DIRECTIONS[actual.chosen]
 
 
 def test_extremes_agree_with_the_literal_equations() -> None:
@@ -187,14 +187,14 @@ def test_everything_after_the_input_uses_the_posterior() -> None:
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("user", DIRECTIONS)
 def test_the_person_always_wins_by_default(condition: Any, user: Any) -> None:
-    parameters = ArbiterParameters.from_preset("paper", condition, alpha=13_000.0)
+    parameters = ArbiterParameters(condition, alpha=13_000.0, rationality_per_m=1.0)
     sure = [0.0, 0.0, 0.0, 0.0, 0.02, 0.98]
     nothing_else = np.zeros(27, dtype=bool)
     for prior in (None, sure):
         for feasible in (None, nothing_else):
-            decision = decide(START, (0.0, 0.0, 1.0), SIX_GOALS, prior, user, parameters, feasible)
-            assert decision.direction == user
-            assert decision.action_index == decision.evaluation.chosen == index_of(user)
+            chosen = evaluate(START, (0.0, 0.0, 1.0), SIX_GOALS, prior, user, parameters, feasible).chosen
+            assert chosen == index_of(user)
+            assert DIRECTIONS[chosen] == user
 
 
 def test_a_finite_gamma_blends() -> None:
@@ -207,7 +207,7 @@ def test_a_finite_gamma_blends() -> None:
 
     def chosen(gamma: float) -> tuple[int, int, int]:
         parameters = ArbiterParameters("goal_oriented", 0.0, gamma=gamma, transition=model)
-        return decide(ORIGIN, AT_REST, [[1000.0, 0.0, 0.0]], None, (0, 1, 0), parameters).direction
+        return DIRECTIONS[evaluate(ORIGIN, AT_REST, [[1000.0, 0.0, 0.0]], None, (0, 1, 0), parameters).chosen]
 
     assert chosen(0.0) == (1, 0, 0)
     assert chosen(0.21) == (1, 0, 0)
@@ -232,15 +232,12 @@ def test_alpha_zero_is_goal_oriented(
 
 def test_teleoperation_does_what_it_is_told_or_stays() -> None:
     sure = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-    idle = decide(START, (0.0, 1.0, 0.0), SIX_GOALS, sure, None, TELEOPERATION)
-    assert idle.direction == (0, 0, 0)
-    assert idle.action_index == NULL_ACTION
-    assert decide(START, AT_REST, SIX_GOALS, sure, (0, -1, 1), TELEOPERATION).direction == (0, -1, 1)
-    assert decide(START, AT_REST, SIX_GOALS, sure, (0, -1, 1), replace(TELEOPERATION, gamma=0.0)).direction == (
-        0,
-        -1,
-        1,
-    )
+    idle = evaluate(START, (0.0, 1.0, 0.0), SIX_GOALS, sure, None, TELEOPERATION).chosen
+    assert DIRECTIONS[idle] == (0, 0, 0)
+    assert idle == NULL_ACTION
+    told = index_of((0, -1, 1))
+    for parameters in (TELEOPERATION, replace(TELEOPERATION, gamma=0.0)):
+        assert evaluate(START, AT_REST, SIX_GOALS, sure, (0, -1, 1), parameters).chosen == told
 
 
 def test_balanced_explores_when_unsure_and_assists_when_sure() -> None:
@@ -257,7 +254,7 @@ def tied(momentum: Any = AT_REST, feasible: Any = None) -> tuple[int, int, int]:
     """Goals on either side: R_HO is 0 for staying and for both ways along y, and less for all else."""
     parameters = ArbiterParameters("goal_oriented", 0.0, transition=PLAIN)
     goals = [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
-    return decide(ORIGIN, momentum, goals, None, None, parameters, feasible).direction
+    return DIRECTIONS[evaluate(ORIGIN, momentum, goals, None, None, parameters, feasible).chosen]
 
 
 def test_ties_keep_the_direction_else_take_the_lowest_index() -> None:
@@ -340,15 +337,6 @@ def test_results_are_read_only_and_the_prior_is_not_touched() -> None:
 
 
 # --- parameters and bad input ---
-
-
-def test_presets() -> None:
-    paper = ArbiterParameters.from_preset("paper", "balanced", 9000.0)
-    assert (paper.rationality_per_m, paper.stickiness, paper.alpha) == (1.0, 0.0, 9000.0)
-    lab = ArbiterParameters.from_preset("lab", "balanced", 375.0, TransitionModel("replan"))
-    assert (lab.rationality_per_m, lab.stickiness, lab.transition.kind) == (5.0, 0.003, "replan")
-    with pytest.raises(AutonomyError, match="paper, lab"):
-        ArbiterParameters.from_preset("home", "balanced", 1.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

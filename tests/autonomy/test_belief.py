@@ -12,7 +12,7 @@ from app.autonomy.actions import DIRECTIONS, NULL_ACTION, index_of
 from app.autonomy.belief import PROBABILITY_FLOOR, Belief, belief_entropy, log_likelihood
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
-from tests.support.autonomy_cases import goal_sets, models, momenta, points_m, rationalities, without_deadline
+from tests.support.autonomy_cases import goal_sets, models, momenta, points_m, rationalities, updated, without_deadline
 
 ORIGIN = (0.0, 0.0, 0.0)
 AT_REST = (0.0, 0.0, 0.0)
@@ -24,9 +24,8 @@ def test_one_observation_worked_by_hand() -> None:
     # Towards A: R_A = 0.1, R_B = -0.1; by symmetry both goals have the same sum in eq. 3, so with kappa = 2
     # P(u|A) / P(u|B) = exp(2 * 0.2) and b(A) = 1 / (1 + exp(-0.4)) = 0.598687660112452.
     rows = log_likelihood(ORIGIN, AT_REST, LEFT_AND_RIGHT, PLAIN, 2.0)
-    after = Belief.uniform(("A", "B")).updated(rows[index_of((1, 0, 0))])
+    after = updated(Belief.uniform(("A", "B")), rows[index_of((1, 0, 0))])
     assert after.as_dict() == pytest.approx({"A": 0.598687660112452, "B": 0.401312339887548}, abs=1e-14)
-    assert after.most_likely == "A"
     # -(0.598688 log2 0.598688 + 0.401312 log2 0.401312) = 0.598688 * 0.740125 + 0.401312 * 1.317203 = 0.971713
     assert after.entropy == pytest.approx(0.971713, abs=1e-6)
 
@@ -36,7 +35,7 @@ def test_three_observations_multiply() -> None:
     row = log_likelihood(ORIGIN, AT_REST, LEFT_AND_RIGHT, PLAIN, 2.0)[index_of((1, 0, 0))]
     belief = Belief.uniform(("A", "B"))
     for _ in range(3):
-        belief = belief.updated(row)
+        belief = updated(belief, row)
     assert belief.probabilities[0] == pytest.approx(1.0 / (1.0 + math.exp(-1.2)), abs=1e-14)
 
 
@@ -53,8 +52,8 @@ def test_goals_may_move_between_updates() -> None:
     belief = Belief.uniform(("A", "B"))
     ahead = log_likelihood(ORIGIN, AT_REST, LEFT_AND_RIGHT, PLAIN, 2.0)[action]
     behind = log_likelihood(ORIGIN, AT_REST, -LEFT_AND_RIGHT, PLAIN, 2.0)[action]
-    assert belief.updated(ahead).probabilities[0] > 0.59
-    np.testing.assert_allclose(belief.updated(ahead).updated(behind).probabilities, [0.5, 0.5], atol=1e-15)
+    assert updated(belief, ahead).probabilities[0] > 0.59
+    np.testing.assert_allclose(updated(updated(belief, ahead), behind).probabilities, [0.5, 0.5], atol=1e-15)
 
 
 def test_a_diagonal_is_not_stronger_evidence_than_an_axis() -> None:
@@ -86,7 +85,7 @@ def test_a_belief_sums_to_one_and_no_goal_is_lost(
     rows = log_likelihood(position, AT_REST, goals, model, kappa)
     belief = Belief.uniform([f"goal {index}" for index in range(len(goals))])
     for action in actions:
-        belief = belief.updated(rows[index_of(action)])
+        belief = updated(belief, rows[index_of(action)])
     assert belief.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     assert belief.probabilities.min() >= 0.9 * PROBABILITY_FLOOR
     assert 0.0 <= belief.entropy <= 1.0
@@ -102,7 +101,7 @@ def test_a_belief_does_not_depend_on_the_order_of_goals(
 
     def seen(indices: list[int]) -> dict[str, float]:
         rows = log_likelihood(position, AT_REST, goals[indices], model, kappa)
-        return Belief.uniform([str(index) for index in indices]).updated(rows[index_of(action)]).as_dict()
+        return updated(Belief.uniform([str(index) for index in indices]), rows[index_of(action)]).as_dict()
 
     assert seen(order) == pytest.approx(seen(sorted(order)), abs=1e-12)
 
@@ -110,18 +109,18 @@ def test_a_belief_does_not_depend_on_the_order_of_goals(
 def test_coincident_goals_cannot_be_told_apart() -> None:
     goals = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     row = log_likelihood(ORIGIN, AT_REST, goals, PLAIN, 5.0)[index_of((1, 0, 0))]
-    probabilities = Belief(("A", "B", "C"), np.array([0.2, 0.4, 0.4])).updated(row).probabilities
+    probabilities = updated(Belief(("A", "B", "C"), np.array([0.2, 0.4, 0.4])), row).probabilities
     assert probabilities[1] / probabilities[0] == pytest.approx(2.0, abs=1e-12)
 
 
 def test_overwhelming_evidence_stops_at_the_floor_and_can_be_taken_back() -> None:
-    belief = Belief.uniform(("A", "B")).updated([0.0, -1000.0])
+    belief = updated(Belief.uniform(("A", "B")), [0.0, -1000.0])
     assert belief.probabilities[1] == pytest.approx(PROBABILITY_FLOOR, rel=1e-9)
-    assert belief.updated([-1000.0, 0.0]).most_likely == "B"
+    assert updated(belief, [-1000.0, 0.0]).probabilities.argmax() == 1
 
 
 def test_a_goal_ruled_out_beforehand_stays_out() -> None:
-    belief = Belief(("A", "B", "C"), np.array([0.5, 0.5, 0.0])).updated([0.0, -1000.0, 5.0])
+    belief = updated(Belief(("A", "B", "C"), np.array([0.5, 0.5, 0.0])), [0.0, -1000.0, 5.0])
     assert belief.probabilities[2] == 0.0
     assert math.isfinite(belief.entropy)
 
@@ -174,12 +173,6 @@ def test_what_is_no_distribution_is_refused(goal_ids: Any, probabilities: Any, w
 def test_a_uniform_belief_needs_a_goal() -> None:
     with pytest.raises(AutonomyError, match="at least one"):
         Belief.uniform(())
-
-
-@pytest.mark.parametrize("row", [[0.0], [0.0, math.nan], [0.0, -math.inf]])
-def test_a_bad_observation_is_refused(row: list[float]) -> None:
-    with pytest.raises(AutonomyError, match="2 finite numbers"):
-        Belief.uniform(("A", "B")).updated(row)
 
 
 @pytest.mark.parametrize("kappa", [-1.0, math.nan, math.inf, 2e6])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.autonomy.actions import NULL_ACTION, UNIT_DIRECTIONS, index_of
+from app.autonomy.actions import UNIT_DIRECTIONS, index_of
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
 
@@ -52,12 +52,6 @@ def test_a_batch_of_states_is_each_state_by_itself(kind: Any) -> None:
     assert batch.shape == (27, 27, 3)
     for row, position, momentum in zip(batch, positions, UNIT_DIRECTIONS, strict=True):
         np.testing.assert_allclose(row, model.next_positions(position, momentum), atol=1e-15)
-
-
-def test_the_next_momentum_is_the_action() -> None:
-    np.testing.assert_array_equal(TransitionModel().next_momenta((1.0, 0.0, 0.0)), UNIT_DIRECTIONS)
-    assert TransitionModel().next_momenta(np.zeros((4, 3))).shape == (4, 27, 3)
-    assert not TransitionModel().next_momenta((1.0, 0.0, 0.0))[NULL_ACTION].any()
 
 
 @pytest.mark.parametrize(

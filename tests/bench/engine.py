@@ -18,11 +18,11 @@ from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, choose, evaluate
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
-from app.simulated.variants import open_study
 from app.trial.engine import TrialEngine
 from app.trial.robots import ROBOTS, make_robot
 from app.trial.setup import StudySetup, study_setup
-from app.trial.values import OperatorInput, TrialSetup
+from app.trial.values import TrialSetup, UserInput
+from app.trial.world import open_study
 from sim.interface import TICK_S
 from study.definition.study import orders, plan_session
 from tests.bench.figure import Figure
@@ -136,7 +136,7 @@ def _drive(robot_name: str, trial: TrialSetup, times_s: dict[str, list[float]]) 
     pilot = Pilot(trial.timing.speed_m_s * TICK_S)
     while not engine.finished:
         view, world = engine.view(), engine.world
-        act = OperatorInput()
+        act = UserInput()
         if view.phase == "operating":
             release_m = engine.scene.bin(view.bin or "").release_world_m
             grasp_m = world.object(view.object).grasp_world_m

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from study.definition.study import load_study
-from study.store import open_store
+from study.store import Batch, open_store
 from tests.support.lab_server import LabServer
 from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, UTC, answer_row, trial_row
 from tests.support.wire_client import invite, write_study
@@ -161,7 +161,7 @@ def test_a_verdict_is_shown_and_overridden_with_a_reason(page: Page, lab: LabSer
     row = replace(row, quality_broken=json.dumps(["page hidden: 9.5 s, at most 5 allowed"]))
     scales = ("mental_demand", "physical_demand", "temporal_demand", "performance", "effort", "frustration")
     with open_store(lab.data_dir) as store:
-        store.commit(trials=[row], answers=[answer_row(who, item, "5") for item in scales])
+        store.commit(Batch(trials=(row,), answers=tuple(answer_row(who, item, "5") for item in scales)))
     # The regular look at the data never comes: what is new is followed.
     page.add_init_script("const set = setInterval; setInterval = (run, ms) => (ms < 10_000 ? set(run, ms) : 0)")
     opened(page, lab)
@@ -184,7 +184,7 @@ def test_a_verdict_is_shown_and_overridden_with_a_reason(page: Page, lab: LabSer
     assert page.get_by_test_id("verdicts").inner_text() == "1 good, 0 suspect"
     page.get_by_test_id("results").screenshot(path=screenshot_dir / "results.png")
     with open_store(lab.data_dir) as store:
-        store.commit(trials=[replace(row, trial=2)])
+        store.commit(Batch(trials=(replace(row, trial=2),)))
     invite(lab)
     page.get_by_test_id("summary").get_by_text("2 completed").wait_for()
     assert page.evaluate("window.broken") is None

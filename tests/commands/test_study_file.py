@@ -10,8 +10,9 @@ import pytest
 from frictionless import validate
 
 from app.__main__ import main
-from app.simulated.variants import fitted, open_study
+from app.simulated.variants import fitted
 from app.trial.setup import study_setup
+from app.trial.world import open_study
 from study.definition.study import DEFAULT_STUDY
 from study.export.export import read_meta, read_table
 from study.flow.overview import expected_minutes, overview

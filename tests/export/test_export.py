@@ -17,7 +17,7 @@ from study.definition.study import parse_study
 from study.export.export import ExportError, export, export_zip, read_meta, read_table, write_tables
 from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns
-from study.store import Store, open_store
+from study.store import Batch, ConsentGiven, Store, open_store
 from tests.support.study_samples import (
     BINS,
     LAYOUTS,
@@ -45,15 +45,17 @@ def fill(store: Store, public_id: str, **options: Any) -> str:
     )
     who = session.participant
     store.commit(
-        session=advance(session.session, "consent_given", 0.0)[0],
-        consent=(UTC, "c" * 64),
-        ticks=[tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)],
-        practice_ticks=[tick_row(who, 0)],
-        trials=[dataclasses.replace(trial_row(who), outcome="completed", ticks=3)],
-        tasks=[task_row(who, 1), task_row(who, 2, reason="wrong bin, “really”", outcome="failure")],
-        alerts=[alert_row(who)],
-        answers=[answer_row(who), answer_row(who, "comments", 'one, "two"\r\nthree\rfour\n=5')],
-        events=[event_row(who, data=json.dumps({"text": "äöü"}))],
+        Batch(
+            session=advance(session.session, "consent_given", 0.0)[0],
+            consent=ConsentGiven(UTC, "c" * 64),
+            ticks=tuple(tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)),
+            practice_ticks=(tick_row(who, 0),),
+            trials=(dataclasses.replace(trial_row(who), outcome="completed", ticks=3),),
+            tasks=(task_row(who, 1), task_row(who, 2, reason="wrong bin, “really”", outcome="failure")),
+            alerts=(alert_row(who),),
+            answers=(answer_row(who), answer_row(who, "comments", 'one, "two"\r\nthree\rfour\n=5')),
+            events=(event_row(who, data=json.dumps({"text": "äöü"})),),
+        )
     )
     return who
 
@@ -129,7 +131,7 @@ def test_a_trial_that_still_runs_has_the_ticks_of_so_far(store: Store, tmp_path:
     over = dataclasses.replace(begun, trial=2, outcome="completed", ticks=9, overruns=8)
     late_ms = (0.1, 50.0, 50.1, None, 700.0)
     later = [tick_row(who, 3 + n, late_ms=late) for n, late in enumerate(late_ms)]
-    store.commit(trials=[begun, over], ticks=[*later, tick_row(who, 0, trial=2)])
+    store.commit(Batch(trials=(begun, over), ticks=(*later, tick_row(who, 0, trial=2))))
     fill(store, "somebody else")
     export(store, tmp_path / "out")
     first, second, *_ = read_table(tmp_path / "out", "trials")

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from app.session.round_trips import LOST_AFTER_S, RoundTrips
-from app.steps import STEPS, Refused, StepContext
 from app.wire import Ping, Pong
 from study.definition.sections import Eligibility
 from study.flow.eligibility import (
@@ -22,6 +21,7 @@ from study.flow.eligibility import (
     tones_of,
 )
 from study.flow.protocol import Event, new_session
+from study.flow.steps import STEPS, Refused, StepContext
 from tests.support.study_samples import shipped_study
 
 ALL = Eligibility(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from study.definition.link_placeholders import filled
 from study.definition.sections import Recruitment
-from study.flow.open_link import answer, filled, ids_among, open_link, read_ids
+from study.flow.open_link import answer, ids_among, open_link, read_ids
 
 RULES = Recruitment(open=True, quota=2)
 PROLIFIC = {"PROLIFIC_PID": ["5f3c9a1b2d4e6f708192a3b4"], "STUDY_ID": ["64a1"], "SESSION_ID": ["64b2"]}

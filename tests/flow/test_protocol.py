@@ -32,7 +32,6 @@ from study.flow.protocol import (
     allowed,
     from_json,
     new_session,
-    replay,
     restore,
     to_json,
 )
@@ -55,7 +54,12 @@ def begun() -> Session:
 
 
 def run(session: Session, *events: EventName | Event) -> tuple[Session, tuple[Effect, ...]]:
-    return replay(session, [(event, float(second)) for second, event in enumerate(events)])
+    """The session after these events, a second apart, and all their effects."""
+    effects: tuple[Effect, ...] = ()
+    for second, event in enumerate(events):
+        session, more = advance(session, event, float(second))
+        effects += more
+    return session, effects
 
 
 def in_trial() -> Session:

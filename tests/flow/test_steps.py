@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from app.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.flow.protocol import Event, new_session
+from study.flow.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
 from tests.support.study_samples import shipped_study
 
 STUDY = shipped_study()

@@ -17,7 +17,7 @@ else:
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OURS = {"app", "sim", "study", "tests"}
+OURS = {"app", "sim", "study", "tests", "docs"}
 COMES_WITH = {
     "starlette": "fastapi",  # its own base, whose names are part of fastapi's interface
     "pydantic_core": "pydantic",
@@ -31,6 +31,10 @@ NOT_IMPORTED = {
     "ruff": "a command",
     "mypy": "a command",
     "frictionless": "a command",
+    "types-tqdm": "mypy reads them",
+    "sphinx": "a command",
+    "myst-parser": "an extension of sphinx",
+    "furo": "a theme of sphinx",
 }
 
 
@@ -46,6 +50,7 @@ def normal(name: str) -> str:
 RUN = names(PROJECT["dependencies"])
 MESHES = names(PROJECT["optional-dependencies"]["meshes"])
 TEST = names(PROJECT["optional-dependencies"]["test"])
+DOCS = names(PROJECT["optional-dependencies"]["docs"])
 
 
 def imported(folders: tuple[str, ...]) -> Iterator[tuple[str, str]]:
@@ -93,9 +98,14 @@ def test_whatever_the_tests_import_is_asked_for() -> None:
     assert not missing, "not among the dependencies in pyproject.toml:\n" + "\n".join(missing)
 
 
+def test_whatever_the_documentation_imports_is_asked_for() -> None:
+    missing = [f"{where} imports {top}" for where, top in imported(("docs",)) if not packages_of(top) & (RUN | DOCS)]
+    assert not missing, "not among the dependencies in pyproject.toml:\n" + "\n".join(missing)
+
+
 def test_whatever_is_asked_for_is_used() -> None:
     used = {name for _, top in imported(tuple(OURS)) for name in packages_of(top)}
-    unused = (RUN | MESHES | TEST) - used - set(NOT_IMPORTED)
+    unused = (RUN | MESHES | TEST | DOCS) - used - set(NOT_IMPORTED)
     assert not unused, f"in pyproject.toml and imported nowhere: {', '.join(sorted(unused))}"
 
 

@@ -152,7 +152,7 @@ def make(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
 
 def test_make_alone_prints_every_target() -> None:
     printed = make().stdout
-    for target in ("run", "test", "test-fast", "check", "check-js", "bench", "clean"):
+    for target in ("run", "test", "test-fast", "check", "check-js", "bench", "docs", "clean"):
         assert f"  make {target} " in printed
 
 

@@ -117,7 +117,7 @@ export interface Scores {
 }
 
 /** One tick as the experimenter sees it. */
-export interface Thought {
+export interface TickExplanation {
   phase: string;
   trial: number;
   tick: number;

@@ -96,7 +96,7 @@ API_SENT: Mapping[str, Any] = {
     "InviteReply": sessions_api.InviteReply,
     "SessionReply": sessions_api.SessionReply,
     "LiveReply": live_api.LiveReply,
-    "Thought": explanation.Thought,
+    "TickExplanation": explanation.TickExplanation,
     "Plane": explanation.Plane,
     "RosterReply": roster_api.RosterReply,
     "EraseReply": roster_api.EraseReply,

@@ -22,7 +22,7 @@ from app.session.session import LiveSession
 from app.simulated.bot import Bot, BotError, enter, open_wire
 from app.wire import Input, Message, Page, Status, Submit, Tick
 from study.records import TickRow
-from study.store import Store
+from study.store import Batch, Store
 from tests.support.dashboard_client import dashboard
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import (
@@ -333,10 +333,10 @@ async def test_who_waits_for_a_session_that_is_closed_is_told(tmp_path: Path, mo
         writing, written = threading.Event(), threading.Event()
         commit = Store.commit
 
-        def slow(store: Store, **rows: Any) -> bool:
+        def slow(store: Store, batch: Batch) -> bool:
             writing.set()
             written.wait(ENDS_WITHIN_S)
-            return commit(store, **rows)
+            return commit(store, batch)
 
         monkeypatch.setattr(Store, "commit", slow)
         waiting = [asyncio.create_task(lab.command(participant, Command("pause"), "AB")) for _ in range(2)]
@@ -372,10 +372,10 @@ async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monk
         commit = Store.commit
         failures = iter([True])
 
-        def full(store: Store, **rows: Any) -> bool:
-            if rows.get("ticks") and next(failures, False):
+        def full(store: Store, batch: Batch) -> bool:
+            if batch.ticks and next(failures, False):
                 raise OSError("No space left on device")
-            return commit(store, **rows)
+            return commit(store, batch)
 
         monkeypatch.setattr(Store, "commit", full)
         # The tick that raises the first reading is the one that finds the disk full.

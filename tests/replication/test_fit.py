@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from app.config import LabError
+from app.errors import LabError
 from app.replication.fit import (
     ANCHORS,
     PARAMETERS,
@@ -21,7 +21,8 @@ from app.replication.fit import (
 )
 from app.replication.paper import reported
 from app.simulated.study import Plan, make_plan
-from app.simulated.variants import changed_study, fitted, fitted_population, open_study
+from app.simulated.variants import changed_study, fitted, fitted_population
+from app.trial.world import open_study
 from study.analysis.measures import Measures
 
 

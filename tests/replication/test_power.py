@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.config import LabError
+from app.errors import LabError
 from app.replication.paper import CIRCULAR, CLAIMS
 from app.replication.power import Power, choose_people, curves, power, table, write
 from app.replication.studies import Pool

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.config import LabError
+from app.errors import LabError
 from app.replication.comparisons import Contrast, compared, goal_gains, means, shares
 from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, reported
 from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
@@ -19,7 +19,8 @@ from app.replication.studies import Archive, Values, run_studies, run_study, stu
 from app.replication.text import report, table, write
 from app.simulated.study import Plan, make_plan, setup_of
 from app.simulated.traits import TRAITS
-from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
+from app.simulated.variants import changed_study, fitted_population, preset_changes
+from app.trial.world import open_study
 from tests.support.study_values import as_the_paper_found
 
 

@@ -16,7 +16,7 @@ from app.report.job import STEPS, WORK_PREFIX, make_report, sentence
 from app.report.process import PAGE, Reporter
 from app.session.commands import NotNow
 from study.analysis.report import PAGE_NAME
-from study.store import open_store
+from study.store import Batch, open_store
 from tests.support.accessibility import findings
 from tests.support.analysis_samples import data_set, store_study
 from tests.support.lab_server import LabServer
@@ -75,7 +75,7 @@ def test_what_cannot_be_computed_yet_is_said_in_a_sentence(
     with open_store(tmp_path / "data") as store:
         for number, condition in enumerate(conditions):
             who = store.create_participant(shipped_study(), seed=1, public_id=str(number), utc=UTC).participant
-            store.commit(trials=[replace(trial_row(who, outcome=outcome), condition=condition)])
+            store.commit(Batch(trials=(replace(trial_row(who, outcome=outcome), condition=condition),)))
     said: list[dict[str, Any]] = []
     make_report(tmp_path / "data", tmp_path / "report", said.append)
     assert said[-1]["cannot"].startswith(says)

@@ -10,7 +10,7 @@ import pytest
 
 from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import evaluate
-from app.session.explanation import plane_of, scores_of, thought_of
+from app.session.explanation import explain_tick, plane_of, scores_of
 from tests.support.engine_cases import FORWARD, HANDS_OFF, LEFT, opened, paper_study, push, rows_of, run, trial_setup
 
 LABELS = paper_study().labels()
@@ -49,11 +49,11 @@ def test_where_nothing_was_chosen_nothing_is_scored() -> None:
 def test_a_thought_names_the_goals_in_words_with_their_probability() -> None:
     setup = trial_setup("balanced")
     row = rows_of(run(opened(setup), [push(LEFT)] * 5))[-1]
-    thought = thought_of(row, setup, LABELS)
-    assert {goal.id: goal.probability for goal in thought.goals} == json.loads(row.belief)
-    assert [goal.id for goal in thought.goals if goal.instructed] == [row.goal]
-    assert all(goal.label == LABELS.objects[goal.id] for goal in thought.goals)
-    assert (thought.user, thought.action, thought.source) == (LEFT, LEFT, "user")
+    explanation = explain_tick(row, setup, LABELS)
+    assert {goal.id: goal.probability for goal in explanation.goals} == json.loads(row.belief)
+    assert [goal.id for goal in explanation.goals if goal.instructed] == [row.goal]
+    assert all(goal.label == LABELS.objects[goal.id] for goal in explanation.goals)
+    assert (explanation.user, explanation.action, explanation.source) == (LEFT, LEFT, "user")
 
 
 def test_both_planes_are_highest_near_goals_that_are_believed_in() -> None:
@@ -84,5 +84,5 @@ def test_while_the_arm_goes_back_the_plane_shows_the_new_goals_alike() -> None:
     returning = replace(row, source="reset", belief=json.dumps({"left_bin": 0.9, "right_bin": 0.1}))
     plane = plane_of(returning, setup, LABELS, "reward")
     assert {goal.probability for goal in plane.goals} == {1.0 / len(places)}
-    thought = thought_of(returning, setup, LABELS)
-    assert [(goal.id, goal.position_m) for goal in thought.goals] == [("left_bin", None), ("right_bin", None)]
+    explanation = explain_tick(returning, setup, LABELS)
+    assert [(goal.id, goal.position_m) for goal in explanation.goals] == [("left_bin", None), ("right_bin", None)]

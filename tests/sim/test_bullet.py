@@ -17,7 +17,7 @@ import pytest
 from sim import fetch, ik, layouts, objects, urdf
 from sim.bullet import FINGER_FRICTION, BulletRobot
 from sim.interface import SceneSpec, run_tick, steady, still
-from tests.support.robot_cases import SPEED_M_S, drive, move_gripper, settle, way_in, way_out
+from tests.support.robot_cases import SPEED_M_S, drive, move_gripper, reachable, settle, way_in, way_out
 
 pytestmark = pytest.mark.bullet
 
@@ -46,7 +46,7 @@ def test_urdf_and_forward_kinematics_agree_on_every_link(tmp_path: Path, static_
         assert set(link) == set(fetch.LINK_NAMES) - {"base_link"} - (set() if static_links else static)
         rng = np.random.default_rng(0)
         points = rng.uniform(ik.WORKSPACE_LOW_M, ik.WORKSPACE_HIGH_M, size=(20, 3))
-        for angles_rad in ik.solve_many(points[ik.reachable(points)])[0]:
+        for angles_rad in ik.solve_many(points[reachable(points)])[0]:
             finger_m = float(rng.uniform(0.0, fetch.FINGER_TRAVEL_M))
             for name, angle_rad in zip(fetch.ARM_JOINT_NAMES, angles_rad, strict=True):
                 pybullet.resetJointState(arm, joint[name], angle_rad, physicsClientId=client)

@@ -9,6 +9,7 @@ import pytest
 
 from sim import fetch, ik
 from sim.interface import TICK_S, MotionSegment, RobotCommand, SimError, Vector3, steady, still
+from tests.support.robot_cases import reachable
 
 WORKSPACE = np.array([ik.WORKSPACE_LOW_M, ik.WORKSPACE_HIGH_M])
 
@@ -16,7 +17,7 @@ WORKSPACE = np.array([ik.WORKSPACE_LOW_M, ik.WORKSPACE_HIGH_M])
 def positions(count: int, seed: int = 0) -> np.ndarray:
     """Positions within reach, shape (N, 3), N about three quarters of `count`."""
     points = np.random.default_rng(seed).uniform(*WORKSPACE, size=(count, 3))
-    return points[ik.reachable(points)]
+    return points[reachable(points)]
 
 
 def triple(point: np.ndarray) -> Vector3:
@@ -67,7 +68,7 @@ def test_posture_is_a_continuous_function_of_position() -> None:
     points = positions(5_000)
     step_m = np.array([0.002, -0.002, 0.002])
     there = points + step_m
-    both = ik.reachable(there)
+    both = reachable(there)
     jumps = np.abs(ik.solve_many(there[both])[0] - ik.solve_many(points[both])[0])
     assert jumps.max() < 0.002 * math.sqrt(3) * max(ik.MAX_TURN_RAD_PER_M) * 1.1
 
@@ -87,14 +88,14 @@ def test_start_posture_is_the_published_constant() -> None:
 )
 def test_out_of_reach_has_a_reason(position: Vector3, reason: str) -> None:
     assert ik.REASONS[ik.solve(position)[1]] == reason
-    assert not ik.reachable(np.array([position]))[0]
+    assert not reachable(np.array([position]))[0]
 
 
 def test_stated_box_is_within_reach() -> None:
     corners = np.stack(np.meshgrid([0.67, 0.80, 0.90], np.linspace(-0.34, 0.34, 9), [0.80, 0.86, 0.92]), -1).reshape(
         -1, 3
     )
-    assert ik.reachable(corners).all()
+    assert reachable(corners).all()
 
 
 def test_steps_that_add_up_to_the_edge_get_there() -> None:
@@ -111,7 +112,7 @@ def test_steps_that_add_up_to_the_edge_get_there() -> None:
 def test_a_straight_path_may_leave_the_reach_though_both_ends_are_within() -> None:
     left, right = (0.50, 0.45, 0.86), (0.50, -0.45, 0.86)  # across the hole straight ahead
     way = np.subtract(right, left)
-    assert ik.reachable(np.array([left, right])).all()
+    assert reachable(np.array([left, right])).all()
     assert not ik.segment_feasible(left, way[None])[0]
     assert ik.path_code(left, right) != 0
 
@@ -157,7 +158,7 @@ def test_whatever_is_executable_stays_within_reach_slice_by_slice() -> None:
         codes = ik.solve_many(path)[1]
         # Between two samples a path may bulge out of the reach by a hair; the limits themselves keep a margin.
         inward = path + (start - path) * 0.02
-        assert np.all((codes == 0) | ik.reachable(inward))
+        assert np.all((codes == 0) | reachable(inward))
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,10 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
-from app.session.spectators import Onlookers
+from app.session.spectators import Spectators
 from app.simulated.bot import enter
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
-from app.worker.spectator_view import EVERY_SLICES, Gallery
+from app.worker.spectator_view import EVERY_SLICES, OnDemandView
 from sim.assets import simple_look
 from sim.interface import SLICES_PER_TICK
 from sim.kinematic import KinematicRobot
@@ -154,13 +154,15 @@ class FakeSpectators:
 
 
 def ran(monkeypatch: pytest.MonkeyPatch, *looking: tuple[float, bool]) -> tuple[list[Any], list[str], Screen]:
-    """What a worker of three ticks reports, what its gallery did, and what the participant was shown."""
+    """What a worker of three ticks reports, what its spectator_view did, and what the participant was shown."""
     calls: list[str] = []
     screen = Screen()
-    gallery = Gallery(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
+    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
     asked = [(at_s, Spectate(on)) for at_s, on in looking]
     schedule = [*beats(0.0, 3.0), (1.0, Begin()), *asked]
-    sent = simulate(monkeypatch, spec(), KinematicRobot(), [*schedule, (2.4, Stop())], screen, gallery=gallery)
+    sent = simulate(
+        monkeypatch, spec(), KinematicRobot(), [*schedule, (2.4, Stop())], screen, spectator_view=spectator_view
+    )
     return sent, calls, screen
 
 
@@ -180,13 +182,13 @@ def test_looking_on_leaves_ticks_digests_and_the_participants_picture_alone(monk
 
 def test_a_robot_that_waits_can_be_looked_at_and_one_without_a_scene_says_no(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
-    gallery = Gallery(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
+    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
     schedule = [(0.5, Spectate(True)), (3.0, Stop())]
-    sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), gallery=gallery)
+    sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), spectator_view=spectator_view)
     assert [report.port for report in of(sent, SpectatorPort)] == [4712]
     held = [(0.0, Begin()), (0.7, Spectate(True)), (3.0, Stop())]  # no heartbeat: no tick starts
-    gallery = Gallery(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
-    sent = simulate(monkeypatch, spec(), KinematicRobot(), held, Screen(), gallery=gallery)
+    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
+    sent = simulate(monkeypatch, spec(), KinematicRobot(), held, Screen(), spectator_view=spectator_view)
     assert [report.port for report in of(sent, SpectatorPort)] == [4712] and not of(sent, Ticked)
     bare = simulate(monkeypatch, spec(), KinematicRobot(), schedule)
     assert isinstance(bare[0].report, Ready) and [report.port for report in of(bare, SpectatorPort)] == [None]
@@ -199,7 +201,7 @@ def test_a_view_that_fails_costs_the_onlookers_their_picture_and_the_participant
         raise OSError("no free port")
 
     schedule = [*beats(0.0, 3.0), (1.0, Begin()), (1.2, Spectate(True)), (1.8, Spectate(True)), (2.4, Stop())]
-    sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), gallery=Gallery(broken))
+    sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), spectator_view=OnDemandView(broken))
     assert len(of(sent, Ticked)) == 3
     assert [report.port for report in of(sent, SpectatorPort)] == [None, None]
     assert "no free port" in caplog.text
@@ -221,7 +223,7 @@ class Line:
 
 async def test_the_view_is_there_from_the_first_onlooker_to_the_last() -> None:
     line = Line()
-    onlookers = Onlookers(line, lingers_s=0.01)  # type: ignore[arg-type]
+    onlookers = Spectators(line, lingers_s=0.01)  # type: ignore[arg-type]
     closed = asyncio.Event()
 
     def answer(looking: bool) -> None:

@@ -14,7 +14,7 @@ from sim import fetch, ik
 from sim.interface import SimError, Vector3
 from sim.layouts import LAYOUTS, LIFT_M
 from sim.objects import OBJECTS
-from sim.views import DEFAULT_VIEW, NARROWEST_ASPECT, VIEWS, View
+from sim.views import DEFAULT_VIEW, NARROWEST_ASPECT, VIEWS, CameraView
 
 OVERVIEW = VIEWS[DEFAULT_VIEW]
 ASPECTS = (1.3, 1.4, NARROWEST_ASPECT, 1.6, 1.8)
@@ -26,7 +26,7 @@ HIGHEST_GRASP_M = max(spec.grasp_height_m for spec in OBJECTS.values())
 Array = NDArray[np.float64]
 
 
-def in_picture(view: View, point_world_m: Vector3, aspect: float) -> tuple[float, float]:
+def in_picture(view: CameraView, point_world_m: Vector3, aspect: float) -> tuple[float, float]:
     """Where a point appears: (right, up), the picture's edges at ±1."""
     eye = np.array(view.position_world_m)
     ahead = np.array(view.look_at_world_m) - eye

@@ -10,10 +10,11 @@ import pytest
 
 from app.simulated.participant import Case, Record, simulate_participant, simulate_trial, simulate_trials
 from app.simulated.traits import Population
-from app.simulated.variants import Changes, changed_study, open_study
+from app.simulated.variants import Changes, changed_study
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import inputs_of
+from app.trial.world import open_study
 from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.simulated.pilot import Pilot, Sight
-from app.trial.values import OperatorInput, RobotTiming
+from app.trial.values import RobotTiming, UserInput
 from sim.layouts import LAYOUTS
 from sim.layouts import scene as layout_scene
 from tests.support.engine_cases import (
@@ -46,14 +46,12 @@ def test_practice_is_done_at_the_first_try(condition: str) -> None:
 
 
 def test_it_waits_while_the_fingers_move_and_opens_them_when_they_closed_on_nothing() -> None:
-    assert Pilot().act("wipes_tub", replace(SEEN, gripper="moving")) == OperatorInput()
-    assert Pilot().act("wipes_tub", replace(SEEN, gripper="closed")) == OperatorInput(gripper="open")
+    assert Pilot().act("wipes_tub", replace(SEEN, gripper="moving")) == UserInput()
+    assert Pilot().act("wipes_tub", replace(SEEN, gripper="closed")) == UserInput(gripper="open")
 
 
 def test_it_lets_go_of_the_wrong_object() -> None:
-    assert Pilot().act("wipes_tub", replace(SEEN, held="sponge_pack", gripper="closed")) == OperatorInput(
-        gripper="open"
-    )
+    assert Pilot().act("wipes_tub", replace(SEEN, held="sponge_pack", gripper="closed")) == UserInput(gripper="open")
 
 
 def test_it_closes_only_around_the_object() -> None:
@@ -67,7 +65,7 @@ def test_a_slower_robot_is_steered_too() -> None:
     engine = opened(setup)
     pilot = Pilot(step_m=0.01)
 
-    def policy(_: object) -> OperatorInput:
+    def policy(_: object) -> UserInput:
         world = engine.world
         grasp_m = world.object("wipes_tub").grasp_world_m
         release_m = engine.scene.bin("right_bin").release_world_m

@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.study import Plan, make_plan, run_jobs, simulate
-from app.simulated.variants import changed_study, fitted_population, open_study, preset_changes
+from app.simulated.variants import changed_study, fitted_population, preset_changes
+from app.trial.world import open_study
 from study.definition.study import orders
 from study.export.export import read_meta, read_table
 from study.records import TABLES

@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.config import LabError
+from app.errors import LabError
 from app.simulated.answers import Experience, survey_answers
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
 from app.simulated.traits import TRAITS, Population, Traits, draw_traits, stream
-from app.trial.values import OperatorInput
+from app.trial.values import UserInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
 from sim.layouts import LAYOUTS, scene
@@ -73,13 +73,13 @@ def test_every_purpose_trial_and_alert_has_a_stream_of_its_own() -> None:
 # ---- how they drive -------------------------------------------------------------------------------------------------
 
 
-def drive(traits: Traits, seed: int, ticks: int = 600, target: int = 3) -> tuple[list[OperatorInput], str | None]:
+def drive(traits: Traits, seed: int, ticks: int = 600, target: int = 3) -> tuple[list[UserInput], str | None]:
     """Inputs of a person who picks an object up, and what ended up in the fingers."""
     spec = scene(LAYOUTS["arc"], OBJECTS)
     robot = KinematicRobot()
     robot.reset(spec)
     driver = Driver(traits, np.random.default_rng(seed), SPEED_M_S * TICK_S)
-    inputs: list[OperatorInput] = []
+    inputs: list[UserInput] = []
     name = OBJECTS[target]
     for _ in range(ticks):
         world = robot.observe()
@@ -93,7 +93,7 @@ def drive(traits: Traits, seed: int, ticks: int = 600, target: int = 3) -> tuple
     return inputs, robot.observe().held
 
 
-def command(operator: OperatorInput) -> RobotCommand:
+def command(operator: UserInput) -> RobotCommand:
     if operator.gripper is not None:
         return still(operator.gripper)
     if operator.direction is None:

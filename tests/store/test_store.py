@@ -20,7 +20,19 @@ import pytest
 from study.definition.study import orders
 from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError
-from study.store import AsyncStore, Cycle, Store, StoredSession, StoreError, machine_fingerprint, open_store
+from study.store import (
+    AsyncStore,
+    Batch,
+    ConsentGiven,
+    Cycle,
+    Identity,
+    Store,
+    StoredSession,
+    StoreError,
+    Submission,
+    machine_fingerprint,
+    open_store,
+)
 from study.store.database import FILE_NAME
 from tests.support.study_samples import (
     UTC,
@@ -79,7 +91,7 @@ def test_the_cell_of_whoever_leaves_is_given_out_again(store: Store, leave: str)
     elif leave == "erase":
         store.erase(first.participant, UTC)
     else:
-        store.commit(session=advance(first.session, leave, 1.0)[0], finished_utc=UTC)  # type: ignore[arg-type]
+        store.commit(Batch(session=advance(first.session, leave, 1.0)[0], finished_utc=UTC))  # type: ignore[arg-type]
     assert enrol(store).order == first.order
 
 
@@ -106,15 +118,19 @@ def test_a_token_is_found_by_its_hash_alone(store: Store) -> None:
 def test_a_session_comes_back_as_it_was(store: Store) -> None:
     session = enrol(store, pace="lockstep")
     later, _ = advance(session.session, "consent_given", 5.0)
-    store.commit(session=later, consent=(UTC, "c" * 64))
+    store.commit(Batch(session=later, consent=ConsentGiven(UTC, "c" * 64)))
     store = reopened(store)
-    found = store.session_of_public_id(session.public_id)
-    assert found is not None
-    assert (found.session, found.pace, found.order, found.seed) == (later, "lockstep", session.order, session.seed)
+    found = store.session(session.participant)
+    assert (found.public_id, found.session, found.pace, found.order, found.seed) == (
+        session.public_id,
+        later,
+        "lockstep",
+        session.order,
+        session.seed,
+    )
     row = next(store.rows("participants"))
     assert (row.state, row.consent_hash, row.consent_utc, row.finished_utc) == ("demographics", "c" * 64, UTC, None)
     assert row.condition_order.split(">") == list(session.order)
-    assert store.session_of_public_id("nobody") is None
     with pytest.raises(StoreError, match="no participant 'P999'"):
         store.session("P999")
     store.close()
@@ -134,7 +150,7 @@ def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
         "answers": [answer_row(who, "effort"), answer_row(who, "comments", "two\nlines, and “quotes”")],
         "events": [event_row(who, "b"), event_row(who, "a", trial=None, tick=None)],
     }
-    store.commit(**rows)  # type: ignore[arg-type]
+    store.commit(Batch(**rows))  # type: ignore[arg-type]
     store = reopened(store)
     for name, expected in rows.items():
         assert list(store.rows("survey_answers" if name == "answers" else name)) == expected
@@ -151,7 +167,12 @@ def test_numbers_of_numpy_are_stored_as_numbers(store: Store) -> None:
 
 def test_text_that_no_file_can_hold_is_made_harmless(store: Store) -> None:
     who = enrol(store, identities={"note": "a\ud800b"}).participant
-    store.commit(answers=[answer_row(who, "comments", "half \udc00 pair\0!")], identities=[(who, "remark", "c\udc00d")])
+    store.commit(
+        Batch(
+            answers=(answer_row(who, "comments", "half \udc00 pair\0!"),),
+            identities=(Identity(who, "remark", "c\udc00d"),),
+        )
+    )
     assert next(store.rows("survey_answers")).value == "half ? pair!"
     assert store.identities(who) == (("note", "a?b"), ("remark", "c?d"))
 
@@ -178,8 +199,10 @@ def test_practice_and_trial_ticks_are_apart(store: Store) -> None:
 
 def test_what_is_under_way_is_replaced_by_what_became_of_it(store: Store) -> None:
     who = enrol(store).participant
-    store.commit(alerts=[alert_row(who)], trials=[trial_row(who)])
-    store.commit(alerts=[alert_row(who, status="expired")], trials=[trial_row(who, ticks=9, outcome="completed")])
+    store.commit(Batch(alerts=(alert_row(who),), trials=(trial_row(who),)))
+    store.commit(
+        Batch(alerts=(alert_row(who, status="expired"),), trials=(trial_row(who, ticks=9, outcome="completed"),))
+    )
     assert [row.status for row in store.rows("alerts")] == ["expired"]
     assert [(row.ticks, row.outcome) for row in store.rows("trials")] == [(9, "completed")]
 
@@ -188,11 +211,11 @@ def test_the_same_message_counts_once(store: Store) -> None:
     who = enrol(store).participant
     other = enrol(store).participant
     assert store.response(who, "m1") is None
-    assert store.commit(submission=(who, "m1", {"ok": 1}), answers=[answer_row(who)])
-    assert not store.commit(submission=(who, "m1", {"ok": 2}), answers=[answer_row(who)])
+    assert store.commit(Batch(submission=Submission(who, "m1", {"ok": 1}), answers=(answer_row(who),)))
+    assert not store.commit(Batch(submission=Submission(who, "m1", {"ok": 2}), answers=(answer_row(who),)))
     assert store.response(who, "m1") == {"ok": 1}
     assert len(list(store.rows("survey_answers"))) == 1
-    assert store.commit(submission=(other, "m1", {"ok": 3}))  # ids are each participant's own
+    assert store.commit(Batch(submission=Submission(other, "m1", {"ok": 3})))  # ids are each participant's own
 
 
 def test_a_cycle_can_be_run_again(store: Store) -> None:
@@ -232,7 +255,9 @@ def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
     gone = enrol(store, identities={"recruited": secret}, tokens={"participant": "a" * 64}).participant
     stays = enrol(store).participant
     for who in (gone, stays):
-        store.commit(ticks=[tick_row(who)], answers=[answer_row(who, "comments", secret)] if who == gone else [])
+        store.commit(
+            Batch(ticks=(tick_row(who),), answers=(answer_row(who, "comments", secret),) if who == gone else ())
+        )
     assert store.erase(gone, UTC)
     assert [row.participant for table in TABLES for row in store.rows(table)] == [stays, stays]
     assert store.participant_for_token("a" * 64) is None
@@ -292,7 +317,7 @@ def test_a_foreign_database_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", ["not_sqlite", "overwritten"])
 def test_a_damaged_file_is_one_clear_line(store: Store, damage: str) -> None:
     who = enrol(store).participant
-    store.commit(ticks=[tick_row(who, number) for number in range(200)])
+    store.commit(Batch(ticks=tuple(tick_row(who, number) for number in range(200))))
     store.close()
     content = bytearray(store.path.read_bytes())
     if damage == "not_sqlite":

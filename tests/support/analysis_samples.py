@@ -17,8 +17,9 @@ import numpy as np
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.export.export import write_tables
+from study.flow.roster import EnrolmentKind
 from study.records import CONDITIONS, ParticipantRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
-from study.store import Kind, Store
+from study.store import Batch, Store
 from tests.support.study_samples import BINS, OBJECTS, UTC, shipped_study, task_row, tick_row
 
 SOURCES = {"u": "user", "r": "robot", "i": "idle", "g": "gripper", "x": "reset", "P": "idle", "U": "user"}
@@ -220,7 +221,7 @@ def _add_surveys(data: DataSet, name: str, trial: int, condition: str, rng: np.r
             )
 
 
-def store_study(store: Store, data: DataSet, kind: Kind = "study") -> list[str]:
+def store_study(store: Store, data: DataSet, kind: EnrolmentKind = "study") -> list[str]:
     """The same participants as if they had taken part in a lab; their ids there."""
     names: dict[str, str] = {}
     for row in data.tables["participants"]:
@@ -236,5 +237,5 @@ def store_study(store: Store, data: DataSet, kind: Kind = "study") -> list[str]:
         for name, table in data.tables.items()
         if name != "participants"
     }
-    store.commit(**rows)
+    store.commit(Batch(**rows))
     return list(names.values())

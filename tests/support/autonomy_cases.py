@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS
 from app.autonomy.arrays import FloatArray
+from app.autonomy.belief import Belief, bayes_update
 from app.autonomy.transition import TransitionModel
 
 without_deadline = settings(deadline=None)
@@ -40,3 +41,8 @@ def goals_and_beliefs(draw: st.DrawFn, smallest: int = 1, impossible: bool = Tru
     weights = draw(st.lists(st.integers(0 if impossible else 1, 50), min_size=count, max_size=count).filter(any))
     belief = np.array(weights, dtype=float)
     return goals_m, belief / belief.sum()
+
+
+def updated(belief: Belief, log_likelihood_row: FloatArray) -> Belief:
+    """The belief after one observed action, whose row of `log_likelihood` (G,) this is."""
+    return Belief(belief.goal_ids, bayes_update(belief.probabilities, np.asarray(log_likelihood_row, dtype=float)))

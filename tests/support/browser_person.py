@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from app.simulated.pilot import Pilot, Sight
-from app.trial.values import OperatorInput
+from app.trial.values import UserInput
 from tests.support.fake_pad import FakePad
 
 if TYPE_CHECKING:
@@ -176,12 +176,12 @@ class BrowserPerson:
                 return
             if self.answer_alert():
                 continue
-            act = OperatorInput()
+            act = UserInput()
             task = tick["instruction"]
             if tick["status"] == "running" and task["object"] in world["objects_m"]:
-                act = pilot.act(task["object"], self._sight(world, task))
+                act = pilot.act(task["object"], self._world_in_numbers(world, task))
                 if tick["blocked"] and world["held"]:
-                    act = OperatorInput((1, 0, 0))  # too close before the robot: out first
+                    act = UserInput((1, 0, 0))  # too close before the robot: out first
             wanted = act.direction or NOTHING
             at_rest = self._held == self._held_before == NOTHING
             if wanted != self._held and not at_rest:
@@ -193,7 +193,7 @@ class BrowserPerson:
                 self.press_gripper(act.gripper)
         raise AssertionError(f"not there after {limit} ticks; last: {world}, {tick}")
 
-    def _sight(self, world: dict[str, Any], task: dict[str, Any]) -> Sight:
+    def _world_in_numbers(self, world: dict[str, Any], task: dict[str, Any]) -> Sight:
         """What is seen, carried forward by the tick that runs now with the keys as they are held."""
         release_m = world["bins_m"][task["bin"]] if task["bin"] else None
         if task["kind"] == "pickup":

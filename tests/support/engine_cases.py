@@ -11,20 +11,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from app.autonomy.actions import Direction
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup, study_setup
-from app.trial.values import (
-    CycleSetup,
-    Direction,
-    EngineEvent,
-    OperatorInput,
-    RobotTiming,
-    TickResult,
-    TrialSetup,
-)
+from app.trial.values import CycleSetup, EngineEvent, RobotTiming, TickResult, TrialSetup, UserInput
 from app.trial.verdicts import release_points
 from sim.interface import (
     SLICE_S,
@@ -51,10 +44,10 @@ ARC = LAYOUTS["arc"]
 PLACEMENT = tuple(STUDY_OBJECTS)
 PICKUPS = (("spray_bottle", "left_bin"), ("sponge_pack", "right_bin"), ("paper_towels", "left_bin"))
 FORWARD, BACK, LEFT, RIGHT, UP, DOWN = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-OPEN, CLOSE = OperatorInput(gripper="open"), OperatorInput(gripper="close")
-HANDS_OFF = OperatorInput()
+OPEN, CLOSE = UserInput(gripper="open"), UserInput(gripper="close")
+HANDS_OFF = UserInput()
 
-Policy = Callable[[TrialEngine], OperatorInput]
+Policy = Callable[[TrialEngine], UserInput]
 
 
 @cache
@@ -113,17 +106,17 @@ def events_of(results: Sequence[TickResult]) -> list[EngineEvent]:
     return [event for result in results for event in result.events]
 
 
-def push(direction: Direction) -> OperatorInput:
-    return OperatorInput(direction)
+def push(direction: Direction) -> UserInput:
+    return UserInput(direction)
 
 
-def run(engine: TrialEngine, inputs: Sequence[OperatorInput]) -> list[TickResult]:
+def run(engine: TrialEngine, inputs: Sequence[UserInput]) -> list[TickResult]:
     """One tick for each input, as long as the trial lasts."""
     results: list[TickResult] = []
-    for operator in inputs:
+    for user_input in inputs:
         if engine.finished:
             break
-        results.append(engine.tick(operator))
+        results.append(engine.tick(user_input))
     return results
 
 
@@ -134,7 +127,7 @@ class Person:
         self._pilot = Pilot()
         self._target = target
 
-    def __call__(self, engine: TrialEngine) -> OperatorInput:
+    def __call__(self, engine: TrialEngine) -> UserInput:
         view, world = engine.view(), engine.world
         if view.phase == "reset":
             return HANDS_OFF

@@ -6,6 +6,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import ik
 from sim.interface import TICK_S, Robot, SceneSpec, Vector3, WorldState, run_tick, steady, still
 from sim.layouts import LIFT_M, Layout
 
@@ -82,3 +86,9 @@ def pick_and_place(robot: Robot, layout: Layout, scene: SceneSpec, object_id: st
     move_gripper(robot, "open")
     rest_m = scene.object(object_id).rest_pose.position_world_m
     return Outcome(grasped, lifted - rest_m[2], carried, settle(robot, object_id))
+
+
+def reachable(positions_world_gripper_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which positions, shape (N, 3), the gripper can be at; shape (N,)."""
+    within: NDArray[np.bool_] = ik.solve_many(positions_world_gripper_m)[1] == 0
+    return within

@@ -10,8 +10,8 @@ import pytest
 
 from app.trial.engine import TrialEngine
 from app.worker.input_latch import Direction
-from app.worker.messages import Hands, Stop, WorkerCommand, WorkerReport, WorkerSpec
-from app.worker.spectator_view import Gallery
+from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.spectator_view import OnDemandView
 from app.worker.worker import Worker
 from sim.interface import Robot
 
@@ -71,7 +71,7 @@ def beats(
 ) -> list[tuple[float, WorkerCommand]]:
     """A page's heartbeats."""
     count = round((end_s - start_s) / every_s) + 1
-    return [(start_s + every_s * k, Hands(seq, direction, beat=True)) for k in range(count)]
+    return [(start_s + every_s * k, ControlsState(seq, direction, beat=True)) for k in range(count)]
 
 
 def simulate(
@@ -81,13 +81,13 @@ def simulate(
     schedule: Sequence[tuple[float, WorkerCommand]],
     scene: Any = None,
     pipe: SimulatedPipe | None = None,
-    gallery: Gallery | None = None,
+    spectator_view: OnDemandView | None = None,
 ) -> list[Sent]:
     """Everything a worker reports while these commands arrive; the last one must end it."""
     assert any(isinstance(command, Stop) for _, command in schedule)
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
     monkeypatch.setattr("app.worker.worker.time", pipe)
-    Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene, gallery).serve()  # type: ignore[arg-type]
+    Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene, spectator_view).serve()  # type: ignore[arg-type]
     return pipe.sent
 
 

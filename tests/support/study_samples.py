@@ -9,7 +9,7 @@ from typing import Any
 
 from study.definition.study import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
-from study.store import Store
+from study.store import Batch, Store
 
 LAYOUTS = {"arc": 6, "rows": 6}
 OBJECTS = ("spray_bottle", "bleach_bottle", "paper_towels", "wipes_tub", "absorbent_can", "sponge_pack")
@@ -25,7 +25,7 @@ def shipped_study() -> Study:
 
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:
     """One tick and everything that happened in it, as one commit."""
-    store.commit(**{"practice_ticks" if practice else "ticks": (row,)}, **rows)
+    store.commit(Batch(**{"practice_ticks" if practice else "ticks": (row,)}, **rows))
 
 
 def tick_row(participant: str, tick: int = 0, **changes: Any) -> TickRow:

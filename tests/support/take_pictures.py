@@ -27,7 +27,7 @@ from tests.support.wire_client import COMPREHENSION, OPEN, invite, write_study
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-FOLDER = Path(__file__).resolve().parents[1] / "pictures"
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 MAX_BYTES = 150_000
 WIDTH_PX, HEIGHT_PX = 1280, 720
 STEP_M = 0.02

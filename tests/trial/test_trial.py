@@ -10,7 +10,7 @@ import pytest
 
 from app.autonomy.arbiter import ArbiterParameters
 from app.trial.engine import TrialEngine
-from app.trial.values import CycleStart, OperatorInput, RobotTiming
+from app.trial.values import CycleStart, RobotTiming, UserInput
 from app.trial.verdicts import release_points
 from sim.interface import MotionSegment, MotionVerdict, RobotCommand
 from study.records import TickRow
@@ -73,9 +73,9 @@ def test_position_and_momentum_are_those_at_the_start_of_the_tick() -> None:
     engine = opened(trial_setup())
     before = []
     rows = []
-    for operator in SEQUENCE:
+    for user_input in SEQUENCE:
         before.append(engine.world.position_world_gripper_m)
-        rows.append(engine.tick(operator).row)
+        rows.append(engine.tick(user_input).row)
     assert [position(row) for row in rows] == before
     assert position(rows[1]) != position(rows[0])
     half, third = math.sqrt(1 / 2), math.sqrt(1 / 3)
@@ -95,9 +95,9 @@ def test_the_arm_follows_the_person_and_keeps_the_old_direction_for_the_planning
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_with_input_the_person_moves_the_robot_and_without_it_the_condition_decides(condition: str) -> None:
     rows = rows_of(run(opened(trial_setup(condition)), SEQUENCE))
-    for row, operator in zip(rows, SEQUENCE, strict=True):
-        if operator.direction is not None:
-            assert (row.source, user(row), action(row)) == ("user", operator.direction, operator.direction)
+    for row, user_input in zip(rows, SEQUENCE, strict=True):
+        if user_input.direction is not None:
+            assert (row.source, user(row), action(row)) == ("user", user_input.direction, user_input.direction)
         elif condition == "teleoperation":
             assert (row.source, user(row), action(row)) == ("idle", BLANK, BLANK)
         else:
@@ -114,7 +114,7 @@ def test_an_assisting_robot_does_what_the_row_alone_says_it_should(condition: st
         literal = evaluate_literal(
             position(row), momentum(row), list(goals.values()), list(belief.values()), None, parameters(condition)
         )
-        assert 9 * (row.action_x + 1) + 3 * (row.action_y + 1) + row.action_z + 1 == literal.chosen  # type: ignore[operator]
+        assert 9 * (row.action_x + 1) + 3 * (row.action_y + 1) + row.action_z + 1 == literal.chosen  # type: ignore[user_input]
     assert any(row.source == "robot" for row in rows)
 
 
@@ -135,7 +135,7 @@ def test_the_arm_never_follows_momentum_after_gripper_block_or_pause() -> None:
 
     engine = opened(trial_setup())
     engine.tick(push(FORWARD))
-    paused = engine.tick(OperatorInput(FORWARD, after_pause=True)).row
+    paused = engine.tick(UserInput(FORWARD, after_pause=True)).row
     assert (momentum(paused), paused.after_pause) == (STILL, 1)
     assert engine.tick(push(FORWARD)).row.after_pause == 0
 
@@ -183,7 +183,7 @@ def test_ticks_count_on_through_resets_and_time_goes_with_them() -> None:
 
 def test_a_row_names_the_last_input_it_took_into_account() -> None:
     engine = opened(trial_setup())
-    seqs = [engine.tick(OperatorInput(FORWARD, seq=seq)).row.input_seq for seq in (3, 3, 9)]
+    seqs = [engine.tick(UserInput(FORWARD, seq=seq)).row.input_seq for seq in (3, 3, 9)]
     assert [*seqs, engine.tick().row.input_seq] == [3, 3, 9, None]
 
 
@@ -194,7 +194,7 @@ def test_a_row_names_the_last_input_it_took_into_account() -> None:
 def test_a_press_pauses_motion_for_exactly_the_gripper_ticks(ticks: int) -> None:
     engine = opened(trial_setup(timing=RobotTiming(gripper_ticks=ticks)))
     here = engine.world.position_world_gripper_m
-    results = run(engine, [OperatorInput(FORWARD, "close"), *[push(FORWARD)] * (ticks + 1)])
+    results = run(engine, [UserInput(FORWARD, "close"), *[push(FORWARD)] * (ticks + 1)])
     rows = rows_of(results)
     assert [row.source for row in rows] == ["gripper"] * ticks + ["user"] * 2
     assert [position(row) for row in rows[: ticks + 1]] == [here] * (ticks + 1)
@@ -204,7 +204,7 @@ def test_a_press_pauses_motion_for_exactly_the_gripper_ticks(ticks: int) -> None
 
 
 def test_a_press_wins_over_a_direction() -> None:
-    row = opened(trial_setup()).tick(OperatorInput(FORWARD, "close")).row
+    row = opened(trial_setup()).tick(UserInput(FORWARD, "close")).row
     assert (row.source, row.gripper_input, user(row), action(row)) == ("gripper", "close", BLANK, BLANK)
 
 
@@ -233,7 +233,7 @@ def test_after_a_reset_the_fingers_are_open_and_can_be_closed() -> None:
 
 
 def test_a_press_that_would_change_nothing_is_ignored() -> None:
-    inputs = [OPEN, OperatorInput(FORWARD, "open"), CLOSE, HANDS_OFF, CLOSE, OperatorInput(FORWARD, "close"), OPEN]
+    inputs = [OPEN, UserInput(FORWARD, "open"), CLOSE, HANDS_OFF, CLOSE, UserInput(FORWARD, "close"), OPEN]
     rows = rows_of(run(opened(trial_setup()), inputs))
     assert [row.source for row in rows] == ["idle", "user", "gripper", "gripper", "idle", "user", "gripper"]
     assert [row.gripper_input for row in rows] == [None, None, "close", None, None, None, "open"]

@@ -199,7 +199,7 @@ def test_an_object_that_slips_while_it_is_carried_ends_the_dropoff_where_it_land
     results = drive(opened(trial_setup(pickups=ONE), robot), lambda _: push(UP), at_most=60)
     assert [summary(task) for task in tasks_of(results)][1] == (2, "dropoff", "failure", "outside_bin")
     assert [event.kind for event in events_of(results)] == ["grasped", "released"]
-    # Hands that are still on the stick move nothing while the object falls.
+    # ControlsState that are still on the stick move nothing while the object falls.
     assert [result.row.source for result in results] == ["user"] * 4 + ["gripper"] * 2
 
 

@@ -14,7 +14,7 @@ import pytest
 from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
-from app.web.sessions_api import EvaluateRequest, evaluate_request
+from app.web.arbiter_api import EvaluateRequest, evaluate_request
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, parse_study

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from app.web.results_api import summarise
-from study.store import open_store
+from study.store import Batch, open_store
 from tests.support.lab_server import LabServer
 from tests.support.study_samples import UTC, alert_row, answer_row, shipped_study, trial_row
 from tests.support.wire_client import events, invite, stored, visit
@@ -69,9 +69,11 @@ def test_the_summary_counts_and_scores_complete_questionnaires_of_completed_tria
             ).participant
             given = scales[:-1] if number == 2 else scales
             store.commit(
-                trials=[trial_row(who, outcome="aborted" if number == 5 else "completed")],
-                alerts=[alert_row(who, 1, status="answered"), alert_row(who, 2, status="expired")],
-                answers=[answer_row(who, item, str(number + 2)) for item in given],
+                Batch(
+                    trials=(trial_row(who, outcome="aborted" if number == 5 else "completed"),),
+                    alerts=(alert_row(who, 1, status="answered"), alert_row(who, 2, status="expired")),
+                    answers=tuple(answer_row(who, item, str(number + 2)) for item in given),
+                )
             )
         found = summarise(store, {stored.participant: shipped_study() for stored in store.sessions()})
     assert found.trials == {"completed": 3, "aborted": 1, "running": 0}

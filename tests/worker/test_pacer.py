@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from app.worker.pacer import OVERRUN_S, Deadline, Pacer
+from app.worker.messages import Ticked
+from app.worker.pacer import Deadline, Pacer
+from study.records import OVERRUN_MS
 
 PERIOD_S = 0.5
 
@@ -61,17 +64,16 @@ def test_deadlines_that_have_gone_by_are_counted_and_not_made_up_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("deadline", "overrun"),
-    [
-        (Deadline(1.0, 0.0, 0), False),
-        (Deadline(1.0, OVERRUN_S, 0), False),
-        (Deadline(1.0, OVERRUN_S + 0.001, 0), True),
-        (Deadline(1.0, 0.0, 1), True),
-    ],
+    ("late_ms", "missed", "overrun"),
+    [(0.0, 0, False), (50.0, 0, False), (51.0, 0, True), (0.0, 1, True), (None, 0, False)],
 )
-def test_fifty_milliseconds_late_or_a_missed_deadline_is_an_overrun(deadline: Deadline, overrun: bool) -> None:
-    assert OVERRUN_S == 0.05
-    assert deadline.overrun is overrun
+def test_fifty_milliseconds_late_or_a_missed_deadline_is_an_overrun(
+    late_ms: float | None, missed: int, overrun: bool
+) -> None:
+    assert OVERRUN_MS == 50.0
+    nothing: Any = None
+    ticked = Ticked(nothing, nothing, seq=0, started_unix_s=0.0, late_ms=late_ms, missed=missed)
+    assert ticked.overrun is overrun
 
 
 @given(

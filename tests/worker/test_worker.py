@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from app.trial.values import CycleStart, OperatorInput, TickResult, inputs_of
+from app.config import Pace
+from app.trial.values import CycleStart, TickResult, UserInput, inputs_of
 from app.worker.messages import (
     Begin,
+    ControlsState,
     Failed,
-    Hands,
     Hold,
     HoldChanged,
-    Pace,
     Ready,
     SetView,
     Stop,
@@ -49,7 +49,7 @@ TIMEOUT_S = 0.5
 
 def spec(
     pace: Pace = "real_time",
-    log: tuple[tuple[OperatorInput, str], ...] = (),
+    log: tuple[tuple[UserInput, str], ...] = (),
     start: CycleStart | None = None,
     pickups: Any = PICKUPS,
     condition: str = "teleoperation",
@@ -57,7 +57,7 @@ def spec(
     return WorkerSpec(trial_setup(condition, pickups), start or CycleStart(), log, "kinematic", pace, False, TIMEOUT_S)
 
 
-def log_of(results: list[TickResult]) -> tuple[tuple[OperatorInput, str], ...]:
+def log_of(results: list[TickResult]) -> tuple[tuple[UserInput, str], ...]:
     return tuple((inputs_of(result.row), result.row.digest) for result in results)
 
 
@@ -124,8 +124,8 @@ def test_a_slow_tick_is_late_once_and_deadlines_missed_meanwhile_are_counted_not
 
 def test_what_the_hands_did_just_before_a_deadline_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     """A press between two ticks counts at the next one, also when it is over by then; and only once."""
-    tap = [(1.6, Hands(1, FORWARD)), (1.7, Hands(2, None))]
-    held = [(2.1, Hands(3, LEFT)), *beats(2.15, 3.4, 3, LEFT)]
+    tap = [(1.6, ControlsState(1, FORWARD)), (1.7, ControlsState(2, None))]
+    held = [(2.1, ControlsState(3, LEFT)), *beats(2.15, 3.4, 3, LEFT)]
     schedule = [*beats(0.0, 1.55), *tap, *beats(1.75, 2.05, 2), *held, (1.0, Begin()), (3.2, Stop())]
     ticked = of(simulate(monkeypatch, spec(), KinematicRobot(), schedule), Ticked)
     rows = [report.result.row for report in ticked]
@@ -141,7 +141,7 @@ def test_what_the_hands_did_just_before_a_deadline_moves_the_robot(monkeypatch: 
 
 def test_a_silent_page_holds_the_robot_and_its_return_goes_on_after_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = beats(0.0, 2.1, 1, FORWARD), beats(5.2, 7.0, 1, FORWARD)
-    schedule = [(0.0, Hands(1, FORWARD)), *before, *after, (1.0, Begin()), (6.3, Stop())]
+    schedule = [(0.0, ControlsState(1, FORWARD)), *before, *after, (1.0, Begin()), (6.3, Stop())]
     sent = simulate(monkeypatch, spec("real_time", condition="balanced"), KinematicRobot(), schedule)
     told = [(round(entry.at_s, 6), entry.report.held) for entry in sent if isinstance(entry.report, HoldChanged)]
     # last heard at 2.1: the tick of 2.5 still starts, that of 3.0 does not; heard again at 5.2, on at 5.5
@@ -158,7 +158,7 @@ def test_a_silent_page_holds_the_robot_and_its_return_goes_on_after_a_pause(monk
 
 def test_a_press_made_while_the_robot_was_held_is_not_executed_late(monkeypatch: pytest.MonkeyPatch) -> None:
     """What was stuck in the network arrives at once: a press, its release, and the heartbeats after it."""
-    stuck = [(4.2, Hands(2, LEFT, "close")), (4.2, Hands(3, None)), *beats(4.2, 6.0, 3)]
+    stuck = [(4.2, ControlsState(2, LEFT, "close")), (4.2, ControlsState(3, None)), *beats(4.2, 6.0, 3)]
     schedule = [*beats(0.0, 1.2), *stuck, (1.0, Begin()), (5.3, Stop())]
     sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule)
     rows = [report.result.row for report in of(sent, Ticked)]
@@ -171,7 +171,7 @@ def test_what_was_held_down_before_a_silence_is_not_taken_up_again_on_an_old_mes
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A heartbeat from before the last input arrives late: somebody is there, but what they do now is not known."""
-    schedule = [(0.9, Hands(2, FORWARD)), (1.0, Begin()), *beats(3.2, 4.0, 1, FORWARD), (3.9, Stop())]
+    schedule = [(0.9, ControlsState(2, FORWARD)), (1.0, Begin()), *beats(3.2, 4.0, 1, FORWARD), (3.9, Stop())]
     rows = [report.result.row for report in of(simulate(monkeypatch, spec(), KinematicRobot(), schedule), Ticked)]
     assert [row.source for row in rows] == ["user", "idle"]
 
@@ -184,7 +184,13 @@ def test_a_page_never_heard_of_is_waited_for(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_hold_finishes_the_tick_that_runs_and_begin_goes_on_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    schedule = [(0.0, Hands(1, FORWARD)), *beats(0.0, 6.0, 1, FORWARD), (1.0, Begin()), (1.7, Hold()), (4.23, Begin())]
+    schedule = [
+        (0.0, ControlsState(1, FORWARD)),
+        *beats(0.0, 6.0, 1, FORWARD),
+        (1.0, Begin()),
+        (1.7, Hold()),
+        (4.23, Begin()),
+    ]
     sent = simulate(monkeypatch, spec(), KinematicRobot(), [*schedule, (4.9, Stop())])
     ticked = of(sent, Ticked)
     assert [report.started_unix_s - UNIX_S for report in ticked] == pytest.approx([1.0, 1.5, 4.23, 4.73])
@@ -204,7 +210,12 @@ def test_a_pause_within_one_tick_neither_skips_nor_hurries_the_next(monkeypatch:
 
 
 def test_presses_made_before_begin_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    schedule = [(0.2, Hands(1, FORWARD, "close")), (0.3, Hands(2, None)), *beats(0.3, 3.0, 2), (1.0, Begin())]
+    schedule = [
+        (0.2, ControlsState(1, FORWARD, "close")),
+        (0.3, ControlsState(2, None)),
+        *beats(0.3, 3.0, 2),
+        (1.0, Begin()),
+    ]
     ticked = of(simulate(monkeypatch, spec(), KinematicRobot(), [*schedule, (1.4, Stop())]), Ticked)
     assert [report.result.row.source for report in ticked] == ["idle"]
 
@@ -227,13 +238,15 @@ def test_a_finished_trial_runs_no_more_ticks(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_real_time_gives_the_rows_the_engine_gives_for_the_same_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     hands: list[tuple[float, WorkerCommand]] = [
-        (1.3, Hands(1, FORWARD)),
-        (2.2, Hands(2, LEFT, "close")),
-        (3.6, Hands(3, None)),
+        (1.3, ControlsState(1, FORWARD)),
+        (2.2, ControlsState(2, LEFT, "close")),
+        (3.6, ControlsState(3, None)),
     ]
     schedule = [*beats(0.0, 1.2), *hands, *beats(3.7, 7.0, 3), (1.0, Begin()), (6.8, Stop())]
     balanced = spec(condition="balanced")
-    schedule += [(at, Hands(seq, d, beat=True)) for at, seq, d in [(1.8, 1, FORWARD), (2.6, 2, LEFT), (3.1, 2, LEFT)]]
+    schedule += [
+        (at, ControlsState(seq, d, beat=True)) for at, seq, d in [(1.8, 1, FORWARD), (2.6, 2, LEFT), (3.1, 2, LEFT)]
+    ]
     ticked = of(simulate(monkeypatch, balanced, KinematicRobot(), schedule), Ticked)
     rows = [report.result.row for report in ticked]
     assert {row.source for row in rows} == {"user", "gripper", "robot"}
@@ -254,8 +267,11 @@ def lockstep(
 
 
 def test_in_lockstep_every_input_runs_one_tick_and_a_heartbeat_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    beat = Hands(1, FORWARD, beat=True)
-    reports = lockstep(monkeypatch, [Begin(), beat, Hands(1, FORWARD), beat, beat, Hands(2, None), Hands(3, None)])
+    beat = ControlsState(1, FORWARD, beat=True)
+    reports = lockstep(
+        monkeypatch,
+        [Begin(), beat, ControlsState(1, FORWARD), beat, beat, ControlsState(2, None), ControlsState(3, None)],
+    )
     assert [type(report) for report in reports] == [Ready, Ticked, Ticked, Ticked]
     rows = [report.result.row for report in reports[1:]]
     assert [(row.tick, row.source, row.input_seq) for row in rows] == [(0, "user", 1), (1, "idle", 2), (2, "idle", 3)]
@@ -263,7 +279,15 @@ def test_in_lockstep_every_input_runs_one_tick_and_a_heartbeat_none(monkeypatch:
 
 
 def test_in_lockstep_nothing_runs_before_begin_or_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
-    commands = [Hands(1, FORWARD), Begin(), Hands(2, LEFT), Hold(), Hands(3, FORWARD), Begin(), Hands(4, None)]
+    commands = [
+        ControlsState(1, FORWARD),
+        Begin(),
+        ControlsState(2, LEFT),
+        Hold(),
+        ControlsState(3, FORWARD),
+        Begin(),
+        ControlsState(4, None),
+    ]
     rows = [report.result.row for report in lockstep(monkeypatch, commands)[1:]]
     assert [(row.tick, row.input_seq, row.user_y, row.after_pause) for row in rows] == [(0, 2, 1, 0), (1, 4, None, 1)]
 
@@ -272,8 +296,10 @@ def test_a_whole_trial_in_lockstep_is_the_engine_s(monkeypatch: pytest.MonkeyPat
     setup = trial_setup("balanced")
     results = drive(opened(setup), Person())
     inputs = [inputs_of(result.row) for result in results]
-    hands: list[WorkerCommand] = [Hands(seq, i.direction, i.gripper) for seq, i in enumerate(inputs, start=1)]
-    reports = lockstep(monkeypatch, [Begin(), *hands, Hands(9999, FORWARD)], spec("lockstep", condition="balanced"))
+    hands: list[WorkerCommand] = [ControlsState(seq, i.direction, i.gripper) for seq, i in enumerate(inputs, start=1)]
+    reports = lockstep(
+        monkeypatch, [Begin(), *hands, ControlsState(9999, FORWARD)], spec("lockstep", condition="balanced")
+    )
     assert [replace(report.result.row, input_seq=None) for report in reports[1:]] == [result.row for result in results]
     assert [report.result.tasks for report in reports[1:]] == [result.tasks for result in results]
     assert reports[-1].result.finished
@@ -316,11 +342,11 @@ def test_the_scene_shows_every_slice_and_each_cycle_s_own_table(monkeypatch: pyt
 
 
 def test_a_report_says_in_numbers_what_the_scene_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    reports = lockstep(monkeypatch, [Begin(), Hands(1, FORWARD)])
+    reports = lockstep(monkeypatch, [Begin(), ControlsState(1, FORWARD)])
     engine = opened(trial_setup())
     for report, ticks in zip(reports, (0, 1), strict=True):
         run(engine, [push(FORWARD)] * ticks)
-        sight = report.sight
+        sight = report.world
         assert sight.position_m == engine.world.position_world_gripper_m
         assert sight.objects_m == {item.id: item.grasp_world_m for item in engine.world.objects}
         assert set(sight.bins_m) == {"left_bin", "right_bin"}
@@ -332,13 +358,13 @@ def test_a_report_says_in_numbers_what_the_scene_shows(monkeypatch: pytest.Monke
 
 def test_a_log_is_re_run_before_the_worker_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     results = run(opened(trial_setup()), [push(FORWARD), HANDS_OFF, push(LEFT)])
-    ready, ticked = lockstep(monkeypatch, [Begin(), Hands(9, FORWARD)], spec("lockstep", log_of(results)))
+    ready, ticked = lockstep(monkeypatch, [Begin(), ControlsState(9, FORWARD)], spec("lockstep", log_of(results)))
     assert ready.mismatch is None
     assert ready.view == replace(results[-1].view, source="idle")
     row = ticked.result.row
     assert (row.tick, row.after_pause, row.m_y) == (3, 1, 0.0)
     expected = run(
-        opened(trial_setup()), [*(inputs_of(result.row) for result in results), OperatorInput(FORWARD, None, 9, True)]
+        opened(trial_setup()), [*(inputs_of(result.row) for result in results), UserInput(FORWARD, None, 9, True)]
     )
     assert row == expected[-1].row
 
@@ -363,7 +389,7 @@ def test_only_the_current_cycle_is_re_run(monkeypatch: pytest.MonkeyPatch) -> No
     first = drive(engine, Person(), lambda result: result.cycle_start is not None)
     start = first[-1].cycle_start
     second = run(engine, [HANDS_OFF, HANDS_OFF, push(FORWARD), HANDS_OFF, push(FORWARD)])
-    ready, ticked = lockstep(monkeypatch, [Begin(), Hands(1, None)], spec("lockstep", log_of(second), start))
+    ready, ticked = lockstep(monkeypatch, [Begin(), ControlsState(1, None)], spec("lockstep", log_of(second), start))
     assert ready.mismatch is None
     assert (ready.view.done_tasks, ready.finished) == (2, False)
     assert ticked.result.row.tick == len(first) + len(second)
@@ -371,14 +397,16 @@ def test_only_the_current_cycle_is_re_run(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_worker_restored_between_two_cycles_marks_the_pause(monkeypatch: pytest.MonkeyPatch) -> None:
     start = drive(opened(trial_setup()), Person(), lambda result: result.cycle_start is not None)[-1].cycle_start
-    _, ticked = lockstep(monkeypatch, [Begin(), Hands(1, None)], spec("lockstep", (), start))
+    _, ticked = lockstep(monkeypatch, [Begin(), ControlsState(1, None)], spec("lockstep", (), start))
     assert (ticked.result.row.source, ticked.result.row.after_pause) == ("reset", 1)
 
 
 def test_a_log_up_to_the_end_leaves_nothing_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
     one = trial_setup(pickups=PICKUPS[:1])
     results = drive(opened(one), Person())
-    (ready,) = lockstep(monkeypatch, [Begin(), Hands(1, None)], spec("lockstep", log_of(results), pickups=PICKUPS[:1]))
+    (ready,) = lockstep(
+        monkeypatch, [Begin(), ControlsState(1, None)], spec("lockstep", log_of(results), pickups=PICKUPS[:1])
+    )
     assert (ready.finished, ready.mismatch, ready.view.phase) == (True, None, "finished")
 
 
@@ -401,7 +429,7 @@ def run_in_place(monkeypatch: pytest.MonkeyPatch, pipe: Pipe, robot: StagedRobot
 
 
 def test_a_worker_whose_lab_is_gone_ends_and_lets_go_of_its_robot(monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe, robot = Pipe([(0.0, Begin()), (1.0, Hands(1, None))]), StagedRobot()
+    pipe, robot = Pipe([(0.0, Begin()), (1.0, ControlsState(1, None))]), StagedRobot()
     run_in_place(monkeypatch, pipe, robot)
     assert [type(entry.report) for entry in pipe.sent] == [Ready, Ticked]
     assert robot.closed and pipe.closed
@@ -411,7 +439,7 @@ def test_a_robot_that_breaks_is_reported_and_let_go_of(monkeypatch: pytest.Monke
     def snap(robot: StagedRobot) -> None:
         raise RuntimeError("the elbow came off")
 
-    pipe, robot = Pipe([(0.0, Begin()), (1.0, Hands(1, None))]), StagedRobot({0: snap})
+    pipe, robot = Pipe([(0.0, Begin()), (1.0, ControlsState(1, None))]), StagedRobot({0: snap})
     with pytest.raises(RuntimeError):
         run_in_place(monkeypatch, pipe, robot)
     assert pipe.sent[-1].report == Failed("RuntimeError: the elbow came off")
@@ -437,10 +465,10 @@ def test_a_real_process_ticks_in_real_time_and_ends_with_its_lab() -> None:
     reports: list[Any] = []
     try:
         reports.append(ours.recv())
-        ours.send(Hands(1, FORWARD))
+        ours.send(ControlsState(1, FORWARD))
         ours.send(Begin())
         while sum(isinstance(report, Ticked) for report in reports) < 3:
-            ours.send(Hands(1, FORWARD, beat=True))
+            ours.send(ControlsState(1, FORWARD, beat=True))
             while ours.poll(TICK_S / 10):
                 reports.append(ours.recv())
     finally:

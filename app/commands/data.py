@@ -1,0 +1,64 @@
+"""`salab export` and `salab erase`: what becomes of a lab's data."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.groups import DATA
+from app.commands.options import folder
+from app.config import LabConfig
+from app.errors import LabError
+
+DATA_DIR = LabConfig().data_dir
+
+commands = typer.Typer()
+
+
+@commands.command(rich_help_panel=DATA, epilog="Example: salab export --data data --out out --zip")
+def export(
+    out: Annotated[Path, folder("folder to write into, or the archive with --zip")],
+    data: Annotated[Path, folder("folder of the database")] = DATA_DIR,
+    as_archive: Annotated[
+        bool, typer.Option("--zip", help="write one archive instead: OUT, with .zip at its end")
+    ] = False,
+    pilot: Annotated[bool, typer.Option("--pilot", help="pilot participants too")] = False,
+) -> None:
+    """Write the data as a data package (CSV, Parquet, descriptions).
+
+    Demo participants and whatever identifies somebody stay out. A lab may be running on the data.
+    """
+    from study.export.export import export, export_zip
+    from study.store import open_store
+
+    if as_archive and out.suffix != ".zip":
+        out = out.with_name(out.name + ".zip")
+    with open_store(data, must_exist=True) as store:
+        (export_zip if as_archive else export)(store, out, include_pilot=pilot)
+    print(f"exported to {out}")
+
+
+@commands.command(rich_help_panel=DATA, epilog="Example: salab erase --data data --participant P001 --yes")
+def erase(
+    participant: Annotated[str, typer.Option(metavar="ID", help="such as P001")],
+    data: Annotated[Path, folder("folder of the database; no lab runs on it")] = DATA_DIR,
+    yes: Annotated[bool, typer.Option("--yes", help="do it; without this nothing is deleted")] = False,
+) -> None:
+    """Delete everything about one participant, for good.
+
+    Only a mark is left that there was one. Exports made before, and backups, are not reached.
+    """
+    from app.report import process as reporter
+    from study.records import utc_text
+    from study.store import open_store
+
+    with open_store(data, exclusive=True, must_exist=True) as store:
+        store.session(participant)  # says so when there is none
+        if not yes:
+            raise LabError(f"{participant} would be erased for good; say --yes to do it")
+        store.erase(participant, utc_text(time.time()))
+    reporter.remove(data)  # of a lab that was killed
+    print(f"erased {participant}: only the mark that there was one is left")

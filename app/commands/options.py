@@ -1,0 +1,81 @@
+"""What options of several commands are read with. What cannot be read is told with its value and what would do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperCommand
+
+MAX_PORT = 65535
+
+
+def number(help: str) -> Any:
+    """An option that takes a whole number."""
+    return typer.Option(metavar="N", parser=whole_number, help=help)
+
+
+def choice(names: Sequence[str], help: str) -> Any:
+    """An option that takes one of these names."""
+    return typer.Option(metavar="|".join(names), parser=one_of(names), help=help)
+
+
+def folder(help: str) -> Any:
+    """An option that takes a folder."""
+    return typer.Option(metavar="DIR", help=help)
+
+
+def file(help: str) -> Any:
+    """An option that takes a file."""
+    return typer.Option(metavar="FILE", help=help)
+
+
+def whole_number(text: str | int) -> int:
+    """The number of a text; a default is one already."""
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a whole number") from None
+
+
+def port_number(text: str | int) -> int:
+    """The port of a text; 0 = any free one."""
+    port = int(text) if str(text).isdecimal() else -1
+    if not 0 <= port <= MAX_PORT:
+        raise typer.BadParameter(f"{text!r} is not a port; ports are 0 to {MAX_PORT}")
+    return port
+
+
+def one_of(names: Sequence[str]) -> Callable[[str], str]:
+    """A parser that takes these names only."""
+
+    def chosen(text: str) -> str:
+        if text not in names:
+            raise typer.BadParameter(f"{text!r} is not one of {', '.join(names)}")
+        return text
+
+    return chosen
+
+
+class SeveralValues(TyperCommand):
+    """A command whose options that may be repeated also take several values at once: `--sizes 6 12 18`, `--sizes
+    6,12,18` and `--sizes 6 --sizes 12 --sizes 18` are the same."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments, each value of such an option with the option before it."""
+        several = {flag for option in self.params if getattr(option, "multiple", False) for flag in option.opts}
+        return super().parse_args(ctx, list(_one_by_one(args, several)))
+
+
+def _one_by_one(arguments: Sequence[str], options: set[str]) -> Iterator[str]:
+    apart = [part for each in arguments for part in (each.split("=", 1) if each.split("=")[0] in options else [each])]
+    option, is_first = "", True
+    for part in apart:
+        if part.startswith("-") or not option:
+            option, is_first = part if part in options else "", True
+            yield part
+            continue
+        for value in part.split(","):
+            yield from (value,) if is_first else (option, value)
+            is_first = False

@@ -1,0 +1,95 @@
+"""`salab fit`, `salab replicate` and `salab power`: many simulated studies, held against the paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.groups import SIMULATE_AND_ANALYSE
+from app.commands.options import SeveralValues, choice, file, folder, number
+from app.simulated.presets import PRESET_NAMES
+from app.trial.robots import ROBOTS
+
+TRANSITIONS = ("both", "replan", "mix")
+"""Those that `app.replication.fit.VARIANTS` has, whose module is slow to load, and both."""
+SIZES = [6, 12, 18, 24, 36, 48]
+PEOPLE_A_STUDY = 12
+
+commands = typer.Typer()
+
+
+@commands.command(
+    rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab fit --transition replan --workers 2 --out fitted.json"
+)
+def fit(
+    transition: Annotated[str, choice(TRANSITIONS, "how the robot moves")] = "both",
+    participants: Annotated[int, number("simulated people an evaluation rests on")] = 24,
+    seed: Annotated[int, number("of everything random")] = 1,
+    workers: Annotated[int, number("processes")] = 1,
+    out: Annotated[Path | None, file("file for the values found; only printed if not given")] = None,
+) -> None:
+    """Calibrate simulated people on the paper's pure teleoperation."""
+    from app.replication.fit import VARIANTS, run
+
+    variants = tuple(VARIANTS) if transition == "both" else (transition,)
+    print(run(variants, participants, seed, workers, out))
+
+
+@commands.command(
+    rich_help_panel=SIMULATE_AND_ANALYSE,
+    epilog="Example: salab replicate --studies 200 --workers 2 --out replication",
+)
+def replicate(
+    studies: Annotated[int, number("how many studies")] = 200,
+    participants: Annotated[int, number("people in each")] = PEOPLE_A_STUDY,
+    seed: Annotated[int, number("of everything random")] = 2020,
+    workers: Annotated[int, number("processes; the results are the same for any number")] = 1,
+    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = "kinematic",
+    preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
+    vary: Annotated[int, number("studies run again for each thing varied; 0 = none")] = 5,
+    out: Annotated[Path | None, folder("folder for the report and for going on later")] = None,
+) -> None:
+    """Run the paper's comparisons in many simulated studies.
+
+    With --out, the same command goes on where an interrupted one was.
+    """
+    from app.replication.replicate import replicate
+    from app.replication.text import LEGEND, table, write
+    from app.simulated.study import make_plan
+
+    plan = make_plan(seed, robot, preset)
+    result = replicate(plan, preset, studies, participants, workers, vary, out)
+    print(f"{table(result)}\n\n{LEGEND}")
+    if out is not None:
+        write(result, out)
+        print(f"report: {out / 'replication.md'}")
+
+
+@commands.command(
+    cls=SeveralValues,
+    rich_help_panel=SIMULATE_AND_ANALYSE,
+    epilog="Example: salab power --sizes 6 12 18 24 --workers 2 --out replication",
+)
+def power(
+    out: Annotated[Path, folder("folder; studies of `salab replicate` in it are used")],
+    sizes: Annotated[list[int], number("numbers of participants, one or several")] = SIZES,
+    draws: Annotated[int, number("studies drawn of every size")] = 200,
+    studies: Annotated[int, number(f"studies of {PEOPLE_A_STUDY} to draw people from")] = 40,
+    seed: Annotated[int, number("of everything random")] = 2020,
+    workers: Annotated[int, number("processes")] = 1,
+    preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
+) -> None:
+    """Tell the chance of the paper's differences by number of people."""
+    from app.replication.power import power, table, write
+    from app.replication.replicate import check_place
+    from app.replication.studies import run_studies
+    from app.simulated.study import make_plan
+
+    check_place(out)
+    plan = make_plan(seed, "kinematic", preset)
+    values = run_studies(plan, studies, PEOPLE_A_STUDY, workers, out / "studies")
+    result = power(values, sizes, draws, seed, workers)
+    write(result, out)
+    print(f"{table(result)}\nfrom {result.people} simulated people; curves: {out / 'power.svg'}")

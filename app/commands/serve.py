@@ -1,0 +1,144 @@
+"""`salab serve`: the lab, put together from its configuration and run until it is stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+from urllib.parse import urlsplit
+
+import typer
+
+from app.commands.groups import RUN_A_STUDY
+from app.commands.options import choice, file, folder, port_number
+from app.config import LOOPBACK, LabConfig, Pace, public_url
+from app.errors import LabError
+from app.trial.robots import ROBOTS
+
+if TYPE_CHECKING:
+    from app.lab.lab import Lab
+
+DEFAULTS = LabConfig()
+READY_LINE = "SALAB_READY_LINE"
+"""Whoever starts the lab from a program sets this variable and waits for the line that begins with READY."""
+STARTED_EVERY_S = 0.02
+
+commands = typer.Typer()
+
+
+@commands.command(
+    rich_help_panel=RUN_A_STUDY, epilog="Example: salab serve --study my-study.toml --data data --port 8000"
+)
+def serve(
+    host: Annotated[str, typer.Option(metavar="HOST", help="address to listen on")] = DEFAULTS.host,
+    port: Annotated[
+        int, typer.Option(metavar="PORT", parser=port_number, help="port to listen on; 0 = any free one")
+    ] = DEFAULTS.port,
+    data: Annotated[Path, folder("folder of the database")] = DEFAULTS.data_dir,
+    url: Annotated[
+        str | None, typer.Option("--public-url", metavar="URL", help="what links begin with, behind a proxy")
+    ] = None,
+    study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
+    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = DEFAULTS.robot,
+    pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
+    no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
+) -> None:
+    """Run the lab.
+
+    Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
+    """
+    import asyncio
+
+    from app.lab.lab import Lab
+
+    config = LabConfig(
+        data_dir=data,
+        host=host,
+        port=port,
+        public_url=public_url(url, host),
+        study_file=study,
+        robot=robot,
+        pace=pace,
+        scene=not no_scene,
+    )
+    with listen(config.host, config.port) as listener:
+        lab = Lab(config, os.environ.get("SALAB_EXPERIMENTER_TOKEN"))
+        lab.prepare()
+        if not lab.base_url:
+            address = f"[{config.host}]" if ":" in config.host else config.host
+            lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
+        asyncio.run(_run_server(lab, listener))
+
+
+async def _run_server(lab: Lab, listener: socket.socket) -> None:
+    import asyncio
+
+    import uvicorn
+
+    from app.web.server import create_app
+    from app.wire import MAX_MESSAGE_BYTES
+
+    config = uvicorn.Config(
+        create_app(lab),
+        log_level="warning",
+        access_log=False,  # links carry tokens
+        ws="websockets-sansio",
+        ws_max_size=16 * MAX_MESSAGE_BYTES,  # larger than we take, so that too large is answered and not cut off
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=3,
+        server_header=False,
+    )
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve(sockets=[listener]))
+    while not server.started and not serving.done():  # noqa: ASYNC110
+        await asyncio.sleep(STARTED_EVERY_S)  # uvicorn has no event for this
+    if server.started:
+        _announce(lab)
+    await serving
+
+
+def _announce(lab: Lab) -> None:
+    from study.flow.open_link import open_link
+
+    links = {
+        "base_url": lab.base_url,
+        "experimenter_link": lab.experimenter_link(),
+        "demo_link": lab.link(lab.demo_token),
+    }
+    rules = lab.setup.study.recruitment
+    print(
+        f"Shared Autonomy Lab: {lab.setup.study.title}\n"
+        f"  front page         {links['base_url']}/\n"
+        f"  experimenter       {links['experimenter_link']}\n"
+        f"  demo participant   {links['demo_link']}\n"
+        + (f"  open link          {open_link(lab.base_url, rules)}\n" if rules.open else "")
+        + f"  data               {lab.config.data_dir}\n"
+        "Stop with Ctrl+C.",
+        flush=True,
+    )
+    if lab.config.host not in LOOPBACK:
+        print(f"Listening on {lab.config.host}: others can reach this lab.", flush=True)
+    is_local = urlsplit(lab.base_url).hostname in LOOPBACK
+    if not is_local and not lab.base_url.startswith("https:"):
+        print("Without HTTPS the links travel in the clear, and browsers give pages no gamepad.", flush=True)
+    if os.environ.get(READY_LINE):
+        print("READY " + json.dumps(links), flush=True)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens there. `LabError` says why it cannot."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # The protocol is named because asyncio turns Nagle's delay off only on sockets that say they are TCP: without it
+    # a world and its tick reach the page 40 ms apart.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        reason = error.strerror or str(error)
+        raise LabError(f"cannot listen on {host}:{port}: {reason}; choose another with --port") from None
+    return listener

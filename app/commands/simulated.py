@@ -1,0 +1,87 @@
+"""`salab simulate`, `salab analyze` and `salab bot`: a study without people, and what any study's data say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.groups import SIMULATE_AND_ANALYSE
+from app.commands.options import choice, file, folder, number
+from app.simulated.presets import PRESET_NAMES
+from app.trial.robots import ROBOTS
+
+commands = typer.Typer()
+
+
+@commands.command(
+    rich_help_panel=SIMULATE_AND_ANALYSE,
+    epilog="Example: salab simulate --participants 12 --seed 7 --workers 2 --out pilot",
+)
+def simulate(
+    out: Annotated[Path, folder("folder to write into, laid out as by `salab export`")],
+    participants: Annotated[int, number("how many")] = 12,
+    seed: Annotated[int, number("of everything random")] = 7,
+    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = "kinematic",
+    preset: Annotated[
+        str | None,
+        choice(
+            PRESET_NAMES,
+            "put other coefficients into the study file: 1 per metre, the lab's, or as fitted to the paper's "
+            "teleoperation; the study file as it stands if not given",
+        ),
+    ] = None,
+    study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
+    workers: Annotated[int, number("processes; the data are the same for any number")] = 1,
+) -> None:
+    """Run a study with simulated participants.
+
+    When it is interrupted, the same command goes on where it was.
+    """
+    from app.simulated.study import make_plan, simulate
+
+    plan = make_plan(seed, robot, preset, study)
+    rows = simulate(plan, participants, workers, out, preset)
+    print(f"{participants} simulated participants, {rows['ticks']} ticks: {out}")
+
+
+@commands.command(rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab analyze pilot --out report")
+def analyze(
+    directory: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="folder that `salab export` or `salab simulate` wrote", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(metavar="REPORT", help="folder to write the report into")],
+) -> None:
+    """Analyse an export: report, figures, tables, measures.json."""
+    from app.report.figure2 import heatmap_of
+    from study.analysis.analysis import analyse
+    from study.analysis.dataset import load
+    from study.analysis.report import claim, write_report
+
+    data = load(directory)
+    claim(out)  # before the work, not after it
+    print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")
+
+
+@commands.command(
+    rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab bot --url http://127.0.0.1:8000/p/TOKEN --quiet"
+)
+def bot(
+    url: Annotated[str, typer.Option(metavar="URL", help="a participant's link")],
+    panel_url: Annotated[
+        str | None, typer.Option(metavar="URL", help="the second device's link, if the study uses one")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no progress")] = False,
+) -> None:
+    """Complete a whole study over a participant's link.
+
+    The participant must be in lockstep: `salab serve --pace lockstep`.
+    """
+    import asyncio
+
+    from app.simulated.bot import run_bot
+
+    report = asyncio.run(run_bot(url, panel_url=panel_url, say=None if quiet else print))
+    print(f"done: {report.ticks} ticks, {report.alerts} alerts answered, {report.surveys} surveys")

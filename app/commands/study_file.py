@@ -1,0 +1,91 @@
+"""`salab new` and `salab check`: a study file made, and everything wrong with one told."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.groups import STUDY_FILE
+from app.commands.options import choice
+from app.errors import LabError
+from app.simulated.presets import PRESET_NAMES
+
+commands = typer.Typer()
+
+
+@commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab new my-study --preset fitted")
+def new(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="name of the study, or of the file: pilot makes pilot.toml")
+    ],
+    preset: Annotated[
+        str,
+        choice(
+            PRESET_NAMES,
+            "the arbiter's coefficients and the arm: 1 per metre, the lab's, or as fitted to the paper's "
+            "teleoperation, which also slows the arm and puts the readings on a second device",
+        ),
+    ] = "lab",
+) -> None:
+    """Write a commented study file to change."""
+    given, name = name, name.strip()
+    file = Path(name if name.endswith(".toml") else f"{name}.toml")
+    title = re.sub(r"[-_\s]+", " ", file.stem).strip()
+    if not name or not title or not name.isprintable():
+        raise LabError(f"{given!r} is no name for a study; give one such as my-study")
+    text = new_study_text(title[0].upper() + title[1:], file, preset)
+    try:
+        with file.open("x", encoding="utf-8", newline="\n") as made:
+            made.write(text)
+    except FileExistsError:
+        raise LabError(f"{file}: there already; choose another name, or remove it first") from None
+    except OSError as error:
+        raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
+    print(
+        f"wrote {file}: the paper's study, with every setting explained. Next:\n"
+        f"  change it in an editor\n"
+        f"  salab check {file}\n"
+        f"  salab simulate --study {file} --participants 2 --out {file.stem}-pilot\n"
+        f"  salab serve --study {file}"
+    )
+
+
+@commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab check my-study.toml")
+def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="the study file")]) -> int:
+    """Tell every problem of a study file at once.
+
+    Of a file without one it tells how long a participant takes and how well the arbiter's weight balances.
+    """
+    from app.trial.setup import calibration_text, study_setup
+    from app.trial.world import open_study
+    from study.definition.study import StudyFileError
+    from study.flow.overview import overview
+
+    try:
+        study = open_study(file)
+    except StudyFileError as error:
+        for problem in error.problems:
+            print(problem, file=sys.stderr)
+        count = len(error.problems)
+        print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
+        return 1
+    print(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    calibration = study_setup(study).calibration
+    if calibration is not None:
+        print(calibration_text(calibration))
+    return 0
+
+
+def new_study_text(title: str, file: Path, preset: str) -> str:
+    """The paper's study with another title and a preset's coefficients, its comments naming the file."""
+    from app.simulated.variants import changed_study, preset_changes
+    from app.trial.world import open_study
+
+    text = changed_study(open_study(None), preset_changes(preset)).source_text
+    text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title, ensure_ascii=False)}", text, flags=re.M)
+    return text.replace("my-study.toml", file.name)

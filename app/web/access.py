@@ -1,0 +1,83 @@
+"""Who may ask: the experimenter's token, and the initials that tell experimenters apart."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Coroutine
+from typing import Annotated, Any
+from urllib.parse import unquote
+
+from fastapi import Depends, HTTPException, Request
+from fastapi.responses import Response
+from fastapi.routing import APIRoute
+from pydantic import BaseModel, ConfigDict
+
+from app.lab.lab import Lab
+from app.lab.tokens import Attempts
+
+WHO_HEADER = "Salab-Who"
+"""Tells experimenters apart who share the one token. It proves nothing."""
+
+
+MAX_INITIALS = 20
+
+
+class RequestBody(BaseModel):
+    """What is sent with a request: a field that is not known is an error."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+def lab_of(request: Request) -> Lab:
+    """The lab this app serves."""
+    lab: Lab = request.app.state.lab
+    return lab
+
+
+def experimenter(request: Request) -> str:
+    """Lets only the experimenter through."""
+    scheme, _, token = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and lab_of(request).is_experimenter(token.strip()):
+        return who_says(request.headers.get(WHO_HEADER, ""))
+    if token:
+        check_wrong_token(request, token)
+    raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")
+
+
+def who_says(given: str) -> str:
+    """What events say of who did something: the initials that came with the request, percent-encoded, if any did."""
+    initials = unquote(given).strip()
+    if len(initials) > MAX_INITIALS or not initials.isprintable():
+        raise HTTPException(422, f"{WHO_HEADER}: must be at most {MAX_INITIALS} printable characters")
+    return initials or "experimenter"
+
+
+def check_wrong_token(request: Request, token: str) -> None:
+    """Counts it; after too many the answer is 429. Who has the right token never gets here."""
+    wrong_tokens: Attempts = request.app.state.wrong_tokens
+    address = request.client.host if request.client else ""
+    wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic()))
+    if wait_s > 0:
+        text = f"too many wrong tokens from this address; try again in {wait_s} s"
+        raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
+
+
+class ExperimenterRoute(APIRoute):
+    """Asks who it is before it reads what was sent: to a stranger every request is answered alike."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler behind the check."""
+        handle = super().get_route_handler()
+
+        async def checked(request: Request) -> Response:
+            experimenter(request)
+            return await handle(request)
+
+        return checked
+
+
+Experimenter = Annotated[str, Depends(experimenter)]
+
+
+TheLab = Annotated[Lab, Depends(lab_of)]

@@ -1,0 +1,123 @@
+"""The arbiter as a function, over HTTP."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, FastAPI
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, Field
+
+from app.autonomy.actions import DIRECTIONS
+from app.autonomy.arbiter import ArbiterParameters, evaluate
+from app.autonomy.errors import AutonomyError
+from app.trial.setup import StudySetup
+from app.web.access import RequestBody, TheLab
+
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+
+
+Vector = Annotated[tuple[Number, Number, Number], Field(description="x, y, z in the world frame")]
+
+
+Axis = Literal[-1, 0, 1]
+
+
+MAX_GOALS = 100
+
+
+MAX_WEIGHT = 1e15
+"""Beyond it a score has no digits left to tell two actions apart, and much beyond it none that is finite."""
+
+
+Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False, strict=True)]
+
+
+class EvaluateRequest(RequestBody):
+    """A state, a belief, an input, and either a condition or the weights.
+
+    What is left out is as in the study this lab runs. The stickiness of the study's arbiter is not part of this.
+    """
+
+    position_m: Vector
+    momentum: Vector
+    goals_m: Annotated[list[Vector], Field(min_length=1, max_length=MAX_GOALS)]
+    belief: Annotated[list[Number], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+    user_action: tuple[Axis, Axis, Axis] | None = None
+    condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
+    alpha: Weight | None = None
+    beta: Weight | None = None
+    gamma: Weight | None = None
+    step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False, strict=True)] | None = None
+    planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)] | None = None
+    transition: Literal["mix", "replan"] | None = None
+    rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False, strict=True)] | None = None
+
+
+class EvaluateReply(BaseModel):
+    """What the arbiter thinks. Rows and entries follow `actions`; `chosen` is an index into it."""
+
+    actions: list[tuple[int, int, int]]
+    likelihood: list[list[float]]
+    posterior: list[float]
+    entropy: float
+    information_gain: list[float]
+    hindsight_reward: list[float]
+    score: list[float]
+    chosen: int
+    alpha: float
+
+
+def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateReply:
+    """`POST /api/arbiter/evaluate` as a function. Raises `AutonomyError` for values that do not fit together."""
+    parameters = _parameters(request, setup)
+    prior = None if request.belief is None else np.array(request.belief)
+    goals = np.array(request.goals_m)
+    result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, parameters)
+    return EvaluateReply(
+        actions=list(DIRECTIONS),
+        likelihood=result.likelihood.tolist(),
+        posterior=result.posterior.tolist(),
+        entropy=result.entropy,
+        information_gain=result.information_gain.tolist(),
+        hindsight_reward=result.hindsight_reward.tolist(),
+        score=result.score.tolist(),
+        chosen=result.chosen,
+        alpha=parameters.alpha,
+    )
+
+
+def _parameters(request: EvaluateRequest, setup: StudySetup) -> ArbiterParameters:
+    """The request's weights and model, the study's where it names none."""
+    if request.condition == "goal_oriented" and request.alpha:
+        raise AutonomyError(f"alpha is {request.alpha:g}; it must be 0 or left out with condition 'goal_oriented'")
+    usual = setup.parameters_like(request.condition)
+    alpha = request.alpha if request.alpha is not None else usual.alpha
+    named = request.model_dump(include={"beta", "gamma", "rationality_per_m"}, exclude_none=True)
+    model = replace(
+        usual.transition,
+        **request.model_dump(include={"step_m", "planning_delay"}, exclude_none=True),
+        kind=request.transition or usual.transition.kind,
+    )
+    return replace(usual, alpha=alpha, transition=model, stickiness=0.0, **named)
+
+
+public = APIRouter(prefix="/api", tags=["open"])
+
+
+@public.post("/arbiter/evaluate")
+async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
+    """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
+    try:
+        return await asyncio.to_thread(evaluate_request, body, lab.setup)
+    except AutonomyError as error:
+        problem = {"type": "value_error", "loc": ("body", str(error).split()[0]), "msg": str(error)[:300]}
+        raise RequestValidationError([problem]) from None
+
+
+def add_arbiter_api(app: FastAPI) -> None:
+    """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.include_router(public)

@@ -1,0 +1,371 @@
+"""The reference pages, made from the code when the site is built: nothing in them is written twice.
+
+A page in `reference/` has words of its own and a line `<!-- generated: NAME -->`; the text of `GENERATED[NAME]` takes
+the line's place. Each of these functions returns Markdown and can be called without Sphinx.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from app import wire
+from app.commands import described
+from app.config import LabConfig
+from app.lab.lab import Lab
+from app.trial.world import known_layouts
+from app.web.server import create_app
+from docs.words import (
+    Schema,
+    attribute_texts,
+    code,
+    default,
+    field_rows,
+    joined,
+    kind,
+    link,
+    sentence,
+    table,
+)
+from sim.layouts import LAYOUTS
+from sim.objects import STUDY_OBJECTS
+from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.field_types import Part
+from study.definition.study import DEFAULT_STUDY, Study
+from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
+
+# ---- the study file ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """One table of the study file: its header as it is written, and the model of what stands in it."""
+
+    header: str
+    path: str
+    model: type[Part]
+
+
+def study_tables(model: type[Part] = Study, path: str = "") -> Iterator[StudyTable]:
+    """The tables of a study file inside `model`, each followed by those inside it."""
+    for name, field in model.model_fields.items():
+        part = _part_in(field.annotation)
+        if part is not None:
+            inside = f"{path}.{name}".lstrip(".")
+            is_list = part is not field.annotation
+            yield StudyTable(f"[[{inside}]]" if is_list else f"[{inside}]", inside, part)
+            yield from study_tables(part, inside)
+
+
+def _part_in(annotation: Any) -> type[Part] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return annotation
+    return next((part for inner in get_args(annotation) if (part := _part_in(inner))), None)
+
+
+def own_keys(model: type[Part]) -> tuple[str, ...]:
+    """The keys of a table that are no tables themselves."""
+    hidden = getattr(model, "NOT_IN_FILE", ())
+    return tuple(
+        name for name, field in model.model_fields.items() if name not in hidden and _part_in(field.annotation) is None
+    )
+
+
+@dataclass(frozen=True)
+class Comments:
+    """The comments of the shipped study file: beside a key, by table and key, and above or beside a table's header."""
+
+    of_key: Mapping[tuple[str, str], str]
+    of_table: Mapping[str, str]
+
+
+_COMMENT = re.compile(r"""((?:"[^"]*"|[^"#])*)#\s?(.*)""")
+
+
+def comments(text: str) -> Comments:
+    """Read the comments of a study file."""
+    of_key: dict[tuple[str, str], str] = {}
+    of_table: dict[str, str] = {}
+    here, last, above, is_block_over = "", None, list[str](), False
+    for line in text.splitlines():
+        found = _COMMENT.match(line)
+        before, said = (found[1].strip(), found[2].strip()) if found else (line.strip(), "")
+        if not before:
+            if not said:
+                is_block_over = True
+            elif line.startswith(" ") and last is not None:
+                of_key[here, last] += f" {said}"
+            else:
+                above = [said] if is_block_over else [*above, said]
+                is_block_over = False
+            continue
+        if header := re.fullmatch(r"\[+([\w.]+)\]+", before):
+            here = header[1]
+            told = " ".join(part for part in above if not part.startswith("----"))
+            of_table.setdefault(here, f"{told} {said}".strip())
+            last = None
+        elif key := re.match(r"(\w+)\s*=", before):
+            last = key[1] if said else None
+            if said:
+                of_key.setdefault((here, key[1]), said)
+        above = []
+    return Comments(of_key, of_table)
+
+
+def study_file() -> str:
+    """Every table and key of the study file: type, bounds, default, meaning."""
+    schema = Study.model_json_schema()
+    defs: Mapping[str, Schema] = schema["$defs"]
+    said = comments(DEFAULT_STUDY.read_text(encoding="utf-8"))
+    parts = []
+    for item in [StudyTable("Top of the file", "", Study), *study_tables()]:
+        inner = schema if item.model is Study else defs[item.model.__name__]
+        texts = attribute_texts(item.model)
+        rows = [
+            (
+                f"`{name}`",
+                kind(inner["properties"][name], defs),
+                default(name, inner),
+                _meaning(item, name, texts, said),
+            )
+            for name in own_keys(item.model)
+        ]
+        heading = f"`{item.header}`" if item.path else item.header
+        about = "" if item.model is Study else sentence(inspect.getdoc(item.model) or "")
+        parts += [
+            f"## {heading}",
+            about,
+            sentence(said.of_table.get(item.path, "")),
+            table(("key", "value", "default", "meaning"), rows),
+        ]
+    return joined(*parts, _ids())
+
+
+def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:
+    return sentence(texts.get(name) or said.of_key.get((item.path, name), ""))
+
+
+def _ids() -> str:
+    bins = {item.id: item.label for layout in LAYOUTS.values() for item in layout.bins}
+    return joined(
+        "## Ids that the lab knows",
+        table(
+            ("key", "id", "what it is"),
+            [
+                *(("`layout`", f"`{name}`", f"{slots} places for objects") for name, slots in known_layouts().items()),
+                *(("`objects`", f"`{name}`", spec.label) for name, spec in STUDY_OBJECTS.items()),
+                *(("`bins`", f"`{name}`", label) for name, label in bins.items()),
+                *(("`surveys`", f"`{name}`", form.title) for name, form in INSTRUMENTS.items()),
+            ],
+        ),
+    )
+
+
+# ---- the lab's settings and the command line --------------------------------------------------------------------
+
+
+def command_line() -> str:
+    """Every command with its options."""
+    parts = []
+    group = ""
+    for command in described():
+        if command.group != group:
+            group = command.group
+            parts.append(f"## {group}")
+        rows = [
+            (
+                " ".join(f"`{name}`" for name in option.flags or (option.metavar,)),
+                f"`{option.metavar}`" if option.metavar and option.flags else "",
+                "must be given" if option.required else f"`{option.default}`" if option.default else "",
+                sentence(option.help),
+            )
+            for option in command.options
+        ]
+        example = f"```sh\n{command.example}\n```" if command.example else ""
+        heading = "###" if group else "##"
+        parts += [
+            f"{heading} `salab {command.name}`",
+            joined(*(sentence(part) for part in command.help.split("\n\n"))),
+            example,
+            table(("option", "value", "default", "what it does"), rows),
+        ]
+    return joined(*parts)
+
+
+OPTION_OF_SETTING: Mapping[str, str] = {"data_dir": "--data", "study_file": "--study", "scene": "--no-scene"}
+"""Options of `salab serve` that are not called as their setting is."""
+
+
+def settings() -> str:
+    """Every setting of the lab, with the option of `salab serve` that sets it."""
+    (serve,) = (command for command in described() if command.name == "serve")
+    options = {flag for option in serve.options for flag in option.flags}
+    texts = attribute_texts(LabConfig)
+    rows = []
+    for field in fields(LabConfig):
+        option = OPTION_OF_SETTING.get(field.name, f"--{field.name.replace('_', '-')}")
+        value = "" if field.default is None else f"`{field.default}`"
+        rows.append((f"`{field.name}`", f"`{option}`" if option in options else "", value, texts[field.name]))
+    return joined(table(("setting", "option", "default", "what it is"), rows))
+
+
+# ---- the export -------------------------------------------------------------------------------------------------
+
+
+def export_columns() -> str:
+    """Every column of every exported table."""
+    parts = []
+    for name in TABLES:
+        key = ", ".join(f"`{column}`" for column in KEYS.get(name, ()))
+        facts = [f"A row is found by {key}." if key else "Rows stand in the order they arrived."]
+        if name in REFERENCES:
+            facts.append(f"Each belongs to a row of [`{REFERENCES[name]}`](#{REFERENCES[name]}).")
+        rows = [(f"`{info.name}`", _column_kind(info), info.unit or "", info.description) for info in columns(name)]
+        about = f"{sentence(DESCRIPTIONS[name])} {' '.join(facts)}"
+        parts += [f"## `{name}`", about, table(("column", "type", "unit", "meaning"), rows)]
+    return joined(*parts)
+
+
+def _column_kind(info: ColumnInfo) -> str:
+    noun = {"int": "whole number", "float": "number", "str": "text"}[info.type]
+    if info.json:
+        noun = f"JSON {info.json}"
+    if info.levels:
+        noun = " or ".join(f"`{level}`" for level in info.levels)
+    bounds = [f"at least {info.least}"] if info.least is not None else []
+    bounds += [f"at most {info.most}"] if info.most is not None else []
+    return ", ".join([noun, *bounds, *(["may be blank"] if info.optional else [])])
+
+
+# ---- the API ----------------------------------------------------------------------------------------------------
+
+
+def openapi() -> dict[str, Any]:
+    """What the lab says of its own API."""
+    return create_app(Lab(LabConfig(), None)).openapi()
+
+
+def http_api() -> str:
+    """Every route: what it does, what it takes, what it answers; then everything that is sent."""
+    described = openapi()
+    defs: Mapping[str, Schema] = described["components"]["schemas"]
+    parts = []
+    for path, methods in described["paths"].items():
+        for method, route in methods.items():
+            rows = [
+                (f"`{item['name']}`", f"in the {item['in']}", kind(item["schema"], defs), _default_of(item["schema"]))
+                for item in route.get("parameters", ())
+            ]
+            body = _content(route.get("requestBody", {}))
+            takes = f"Takes {link(body, defs)}." if body else ""
+            answers = [
+                f"{status}: {link(_content(reply), defs) or reply['description'].lower()}"
+                for status, reply in route["responses"].items()
+            ]
+            parts += [
+                f"## `{method.upper()} {path}`",
+                route.get("description", ""),
+                table(("parameter", "where", "value", "default"), rows),
+                " ".join(part for part in (takes, f"Answers {'; '.join(answers)}.") if part),
+            ]
+    parts.append("## What is sent")
+    for name, schema in defs.items():
+        rows_of = [
+            (f"`{key}`", kind(value, defs), default(key, schema), value.get("description", ""))
+            for key, value in schema.get("properties", {}).items()
+        ]
+        about = schema.get("description", "")
+        parts += [f"### {name.lstrip('_')}", about, table(("field", "value", "default", "meaning"), rows_of)]
+    return joined(*parts)
+
+
+def _content(holder: Schema) -> Schema:
+    found: Schema = holder.get("content", {}).get("application/json", {}).get("schema", {})
+    return found
+
+
+def _default_of(schema: Schema) -> str:
+    return code(schema["default"]) if "default" in schema else ""
+
+
+# ---- the protocol -----------------------------------------------------------------------------------------------
+
+
+def messages(union: Any) -> tuple[type[BaseModel], ...]:
+    """The message types of `ClientMessage` or `ServerMessage`, in order."""
+    either, *_ = get_args(union)
+    return get_args(either)
+
+
+def wire_protocol() -> str:
+    """Every message on a participant's socket."""
+    parts = []
+    for title, union in (
+        ("What a page sends", wire.ClientMessage),
+        ("What the lab sends", wire.ServerMessage),
+    ):
+        parts.append(f"## {title}")
+        for model in messages(union):
+            _, whole = models_json_schema([(model, "validation")], ref_template="{model}")
+            defs: Mapping[str, Schema] = whole["$defs"]
+            schema = defs[model.__name__]
+            rows = field_rows(model, schema, defs, skip=("type",))
+            parts += [
+                f"### `{schema['properties']['type']['const']}`",
+                inspect.getdoc(model) or "",
+                table(("field", "value", "default", "meaning"), rows),
+            ]
+    return joined(*parts)
+
+
+# ---- the packages -----------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "tests")
+"""Where a README stands that says what a folder is, in the order told."""
+
+
+def packages() -> str:
+    """What each package says of itself."""
+    pages = [page for pattern in ROOMS for page in sorted(ROOT.glob(f"{pattern}/README.md"))]
+    return joined(*(re.sub(r"^#", "##", page.read_text(encoding="utf-8"), flags=re.MULTILINE) for page in pages))
+
+
+# ---- Sphinx -----------------------------------------------------------------------------------------------------
+
+GENERATED: Mapping[str, Callable[[], str]] = {
+    "study_file": study_file,
+    "settings": settings,
+    "command_line": command_line,
+    "export_columns": export_columns,
+    "http_api": http_api,
+    "wire_protocol": wire_protocol,
+    "packages": packages,
+}
+MARK = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
+
+
+def fill(text: str) -> str:
+    """A page with what is generated in the place of its marks."""
+    return MARK.sub(lambda mark: GENERATED[mark[1]](), text)
+
+
+def setup(app: Any) -> Mapping[str, bool]:
+    """Sphinx asks for this: fill each page as it is read, and read the reference again every time."""
+
+    def read(_: Any, docname: str, source: list[str]) -> None:
+        source[0] = fill(source[0])
+
+    def outdated(_: Any, env: Any, *changes: set[str]) -> list[str]:
+        return [name for name in env.found_docs if name.startswith("reference/")]
+
+    app.connect("source-read", read)
+    app.connect("env-get-outdated", outdated)
+    return {"parallel_read_safe": True}

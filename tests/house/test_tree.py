@@ -1,0 +1,160 @@
+"""The tree: what may stand at the top, no machine's paths in it, and pages that load nothing from elsewhere."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+TOP_LEVEL = {
+    *("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "Makefile"),
+    *(".ci", ".gitignore", "app", "docs", "static", "sim", "study", "tests"),
+}
+SKIPPED_FOLDERS = {".git", ".venv", "__pycache__", "data", "node_modules"}  # when there is no git to ask
+
+
+def tree_files() -> list[Path]:
+    """The project's files: what git has or would add, or in an unpacked archive everything."""
+    asked = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    if asked.returncode == 0:
+        listed = [ROOT / name for name in asked.stdout.split("\0") if name]
+    else:
+        listed = [path for path in ROOT.rglob("*") if not SKIPPED_FOLDERS & set(path.relative_to(ROOT).parts)]
+    return sorted(path for path in listed if path.is_file())
+
+
+def texts() -> Iterator[tuple[Path, str]]:
+    for path in tree_files():
+        try:
+            yield path.relative_to(ROOT), path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue  # a picture or a sound
+
+
+def test_the_top_level_is_what_the_map_says() -> None:
+    assert {path.relative_to(ROOT).parts[0] for path in tree_files()} - TOP_LEVEL == set()
+
+
+# Put together from halves, so that this file does not contain what it looks for.
+MACHINE_PATHS = re.compile(
+    "|".join(["/ho" + r"me/\w", "/ro" + "ot/", "/Us" + r"ers/\w", "/wo" + "rk/", "/tmp/pr" + "obe"])
+)
+REGISTRY_HOSTS = re.compile(
+    "|".join(
+        re.escape(left + right)
+        for left, right in [
+            ("pypi", ".org"),
+            ("pythonhosted", ".org"),
+            ("npmjs", ".org"),
+            ("npmjs", ".com"),
+            ("unpkg", ".com"),
+            ("jsdelivr", ".net"),
+            ("cdnjs", ".com"),
+            ("deb.debian", ".org"),
+            ("anaconda", ".org"),
+        ]
+    )
+)
+
+
+@pytest.mark.parametrize(("what", "pattern"), [("machine path", MACHINE_PATHS), ("registry host", REGISTRY_HOSTS)])
+def test_the_tree_names_no_machine_and_no_registry(what: str, pattern: re.Pattern[str]) -> None:
+    found = [
+        f"{path}:{number}: {line.strip()[:100]}"
+        for path, text in texts()
+        for number, line in enumerate(text.splitlines(), 1)
+        if pattern.search(line)
+    ]
+    assert not found, f"{what} in the tree:\n" + "\n".join(found)
+
+
+def test_the_tree_patterns_find_what_they_look_for() -> None:
+    assert MACHINE_PATHS.search("open('/ho" + "me/ada/x')")
+    assert REGISTRY_HOSTS.search("https://py" + "pi.org/simple")
+
+
+# --- static/: ES modules, everything from our own server -----------------------------------------------------------
+
+WEB_TEXT = {".html", ".js", ".mjs", ".css", ".svg"}
+OUTSIDE_URL = re.compile(
+    r"\b(?:https?|wss?)://(?!www\.w3\.org/)[^\s\"'`)<>]*|(?:src|href)\s*=\s*[\"']//[^\"']*", re.IGNORECASE
+)
+SCRIPT_TAG = re.compile(r"<script\b[^>]*>", re.IGNORECASE)
+IMPORTED = re.compile(r"""(?:^|[;\s])(?:import|export)\b[^;'"()]*?from\s*['"]([^'"]+)['"]|^\s*import\s*['"]([^'"]+)['"]|\bimport\(\s*['"]([^'"]+)['"]""", re.MULTILINE)  # fmt: skip  # noqa: E501
+
+
+def static_files() -> list[Path]:
+    return [path for path in tree_files() if path.is_relative_to(ROOT / "static") and path.suffix in WEB_TEXT]
+
+
+def static_complaints(path: str, text: str, exists: Mapping[str, bool] | None = None) -> list[str]:
+    """What in a page, style or module would load from elsewhere, or is no ES module."""
+    found = [f"{path}: loads from elsewhere: {match.group(0)}" for match in OUTSIDE_URL.finditer(text)]
+    if path.endswith((".html", ".svg")):
+        found += [
+            f"{path}: not an ES module: {tag}"
+            for tag in SCRIPT_TAG.findall(text)
+            if "module" not in tag and "json" not in tag
+        ]
+    if path.endswith((".js", ".mjs")):
+        for groups in IMPORTED.findall(text):
+            specifier = next(group for group in groups if group)
+            if not specifier.startswith(("./", "../", "/static/")):
+                found.append(f"{path}: a bare import needs a build step: {specifier}")
+        if re.search(r"\brequire\(|\bmodule\.exports\b", text):
+            found.append(f"{path}: CommonJS")
+    return found
+
+
+def test_static_is_es_modules_without_outside_urls() -> None:
+    found = [
+        line
+        for path in static_files()
+        for line in static_complaints(str(path.relative_to(ROOT)), path.read_text(encoding="utf-8"))
+    ]
+    assert not found, "\n" + "\n".join(found)
+
+
+def test_every_static_import_leads_to_a_file() -> None:
+    missing = []
+    for path in static_files():
+        if path.suffix not in {".js", ".mjs"}:
+            continue
+        for groups in IMPORTED.findall(path.read_text(encoding="utf-8")):
+            specifier = next(group for group in groups if group)
+            target = ROOT / specifier[1:] if specifier.startswith("/static/") else path.parent / specifier
+            if not target.is_file():
+                missing.append(f"{path.relative_to(ROOT)} imports {specifier}: no such file")
+    assert not missing, "\n" + "\n".join(missing)
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("page.html", '<script src="/static/main.js"></script>'),
+        ("page.html", '<link rel="stylesheet" href="https://fonts.example/a.css">'),
+        ("page.html", '<script type="module" src="//cdn.example/a.js"></script>'),
+        ("style.css", "@import url(http://fonts.example/a.css);"),
+        ("main.js", 'import { html } from "lit";'),
+        ("main.js", 'const chart = await import("chart.js");'),
+        ("main.js", "const a = require('a');"),
+    ],
+)
+def test_a_page_that_loads_from_elsewhere_is_reported(path: str, text: str) -> None:
+    assert static_complaints(path, text)
+
+
+def test_a_page_of_our_own_is_not_reported() -> None:
+    assert static_complaints("page.html", '<script type="module" src="/static/main.js"></script>') == []
+    assert static_complaints("icon.svg", '<svg xmlns="http://www.w3.org/2000/svg"></svg>') == []
+    assert static_complaints("main.js", 'import { a } from "./a.js";\nexport { b } from "../b.js";') == []
