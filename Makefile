@@ -1,13 +1,14 @@
 # Shared Autonomy Lab. `make` prints what there is.
 #
 # Everything is installed into .venv here; nothing else on the machine is touched, except that `make test`
-# installs a Chromium when there is none. pip uses whatever index it is configured with.
+# installs a Chromium when there is none. pip and npm use whatever index they are configured with.
 
 PORT   ?= 8000
 DATA   ?= data
 PYTHON ?=
 VENV   := .venv
 PY     := $(VENV)/bin/python
+CHECK_JS := $(PY) -m tests.javascript.check
 ON_ALL_CORES := --numprocesses auto --dist loadscope
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
 
@@ -45,7 +46,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check bench docs clean FORCE
+.PHONY: help run test test-fast check check-js bench docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -55,13 +56,15 @@ help: ## print this
 run: $(VENV)/.installed ## install what is missing and start the lab on loopback
 	@exec $(VENV)/bin/salab serve --port "$(PORT)" --data "$(DATA)"
 
-test: $(VENV)/.installed-test ## everything: ruff, mypy, every test (installs a Chromium if there is none)
+test: $(VENV)/.installed-test ## everything: linters, types, every test (installs a Chromium if there is none)
 	@echo "== a browser for the tests"
 	@$(PY) -m tests.support.chromium
 	@echo "== ruff"
 	@$(PY) -m ruff check .
 	@echo "== mypy"
 	@$(PY) -m mypy
+	@echo "== JavaScript"
+	@$(CHECK_JS)
 	@echo "== pytest: what needs no browser, on all cores"
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
 	@echo "== pytest: what drives a browser, one at a time"
@@ -70,11 +73,15 @@ test: $(VENV)/.installed-test ## everything: ruff, mypy, every test (installs a 
 test-fast: $(VENV)/.installed-test ## the tests that need neither a browser nor pybullet, under a minute
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
 
-check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, test-fast
+check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-js, test-fast
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
+	@$(CHECK_JS)
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
+
+check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, types (needs Node.js)
+	@$(CHECK_JS)
 
 bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, simulated studies and analysis
 	@$(PY) -m tests.bench
@@ -84,7 +91,7 @@ docs: $(VENV)/.installed-test ## build the documentation into build/docs, from t
 	@echo "open build/docs/index.html"
 
 clean: ## remove the environment and caches; never the data
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info tests/javascript/node_modules
 	find app docs sim study tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/.installed: pyproject.toml

@@ -1,17 +1,27 @@
 // A button that copies text. Pages on plain http have no clipboard API; the old way still works there.
 
-import { h } from "./dom.js";
+import { h, setText } from "./dom.js";
 
+/**
+ * @param {() => string} textOf what to copy, asked for at the press
+ * @param {string} label
+ * @param {string} [testid]
+ * @returns {HTMLButtonElement}
+ */
 export function copyButton(textOf, label, testid = "copy-button") {
   const button = h("button", { type: "button", class: "secondary small", data: { testid } }, label);
   button.addEventListener("click", async () => {
     const copied = await copy(textOf());
     button.textContent = copied ? "Copied" : "Select it and press Ctrl+C";
-    setTimeout(() => (button.textContent = label), 2500);
+    setTimeout(() => setText(button, label), 2500);
   });
   return button;
 }
 
+/**
+ * @param {string} text
+ * @returns {Promise<boolean>} whether it was copied
+ */
 async function copy(text) {
   try {
     await navigator.clipboard.writeText(text);

@@ -2,6 +2,11 @@
 
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
 
+/** @import { Child, IconName } from "./dom.js" */
+/** @import { Emitter } from "./emitter.js" */
+/** @typedef {"connecting" | "open" | "lost" | "superseded" | "denied" | "outdated" | "closed"} ConnectionState */
+
+/** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
   connecting: ["hourglass", "Connecting"],
   open: ["check", "Connected"],
@@ -18,12 +23,21 @@ export class Toasts {
     this.element = h("div", { class: "toasts", role: "status", "aria-live": "polite", data: { testid: "toasts" } });
   }
 
+  /**
+   * @param {string} text
+   * @param {{ problem?: boolean, stays?: boolean, onDismiss?: () => void }} [how]
+   * @returns {void}
+   */
   show(text, { problem = false, stays = false, onDismiss = () => {} } = {}) {
-    const shown = [...this.element.children];
+    const shown = /** @type {HTMLElement[]} */ ([...this.element.children]);
     const twin = shown.find((toast) => toast.dataset.text === text);
     if (twin) twin.remove();
-    if (shown.length > 3) shown[0].remove();
-    const close = h("button", { class: "quiet small", type: "button", "aria-label": "Dismiss this message" }, "Dismiss");
+    if (shown.length > 3) shown[0]?.remove();
+    const close = h(
+      "button",
+      { class: "quiet small", type: "button", "aria-label": "Dismiss this message" },
+      "Dismiss",
+    );
     const toast = h(
       "div",
       { class: problem ? "toast problem" : "toast", data: { text, testid: problem ? "toast-problem" : "toast" } },
@@ -41,16 +55,50 @@ export class Toasts {
 }
 
 /**
- * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
- * `question`: {title, text: [..], confirm, back, field?: {label, required, missing, check: text => problem}, danger?, testid}
+ * @typedef {object} Field a text to be typed
+ * @property {string} label
+ * @property {boolean} required
+ * @property {string} [missing] said when it is required and empty
+ * @property {(text: string) => string} [check] what is wrong with the text, "" when nothing is
  */
-export function ask({ title, text = [], confirm, back = "Go back", field = null, danger = false, testid, extra = null }) {
+/**
+ * @typedef {object} Question
+ * @property {string} title
+ * @property {string[]} [text]
+ * @property {string | null} confirm null when there is nothing to confirm
+ * @property {string} [back]
+ * @property {Field | null} [field]
+ * @property {boolean} [danger] Enter then gives the harmless answer
+ * @property {string} testid
+ * @property {Child} [extra]
+ */
+
+/**
+ * A modal question. Resolves to the text typed ("" without a text field), or null when the person went back.
+ *
+ * @param {Question} question
+ * @returns {Promise<string | null>}
+ */
+export function ask({
+  title,
+  text = [],
+  confirm,
+  back = "Go back",
+  field = null,
+  danger = false,
+  testid,
+  extra = null,
+}) {
   return new Promise((resolve) => {
     const titleId = freshId("dialog-title");
     const fieldId = freshId("dialog-field");
     const input = field && h("textarea", { id: fieldId, rows: 3, maxlength: 2000, required: field.required });
     const error = h("p", { class: "field-error", role: "alert", hidden: true });
-    const yes = h("button", { type: "submit", class: danger ? "danger" : "primary", data: { testid: "dialog-confirm" } }, confirm);
+    const yes = h(
+      "button",
+      { type: "submit", class: danger ? "danger" : "primary", data: { testid: "dialog-confirm" } },
+      confirm,
+    );
     const no = h("button", { type: "button", class: "secondary", data: { testid: "dialog-back" } }, back);
     const form = h(
       "form",
@@ -62,23 +110,20 @@ export function ask({ title, text = [], confirm, back = "Go back", field = null,
       h("div", { class: "actions" }, confirm ? yes : null, no),
     );
     const dialog = h("dialog", { "aria-labelledby": titleId, data: { testid } }, form);
+    /** @type {string | null} */
     let answer = null;
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      if (field?.required && input.value.trim() === "") {
-        error.hidden = false;
-        error.textContent = field.missing ?? "Please fill this in.";
-        input.focus();
-        return;
-      }
-      const wrong = field?.check?.(input.value.trim());
+      const typed = input?.value.trim() ?? "";
+      const missing = field?.required && typed === "" ? (field.missing ?? "Please fill this in.") : "";
+      const wrong = missing || field?.check?.(typed);
       if (wrong) {
         error.hidden = false;
         error.textContent = wrong;
-        input.focus();
+        input?.focus();
         return;
       }
-      answer = input ? input.value.trim() : "";
+      answer = typed;
       dialog.close();
     });
     no.addEventListener("click", () => dialog.close());
@@ -92,17 +137,38 @@ export function ask({ title, text = [], confirm, back = "Go back", field = null,
   });
 }
 
+/**
+ * The lab as the surroundings of a page see it: whether it is there, and what it is called.
+ *
+ * @typedef {Emitter<{ state: ConnectionState, welcome: { study_title: string, demo: boolean } }> & { state: ConnectionState }} Lab
+ */
+
 /** Header with title, connection, Help and Stop. */
 export class Shell {
+  /** @param {{ socket: Lab, onHelp: () => void, onStop: () => void }} wiring */
   constructor({ socket, onHelp, onStop }) {
     this.socket = socket;
     this.toasts = new Toasts();
     this.main = h("main", { id: "main", tabindex: "-1" });
     this.title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
-    this.demo = h("span", { class: "badge", hidden: true, data: { testid: "demo-badge" } }, "Demo – not part of the data");
+    this.demo = h(
+      "span",
+      { class: "badge", hidden: true, data: { testid: "demo-badge" } },
+      "Demo – not part of the data",
+    );
     this.connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
-    this.help = h("button", { type: "button", class: "secondary small", data: { testid: "help-button" } }, icon("help"), "Help");
-    this.stop = h("button", { type: "button", class: "secondary small stop", data: { testid: "stop-button" } }, icon("hand"), "Stop");
+    this.help = h(
+      "button",
+      { type: "button", class: "secondary small", data: { testid: "help-button" } },
+      icon("help"),
+      "Help",
+    );
+    this.stop = h(
+      "button",
+      { type: "button", class: "secondary small stop", data: { testid: "stop-button" } },
+      icon("hand"),
+      "Stop",
+    );
     this.help.addEventListener("click", onHelp);
     this.stop.addEventListener("click", onStop);
     this.header = h(
@@ -121,13 +187,23 @@ export class Shell {
     this._connection();
   }
 
-  /** Which of the two buttons make sense now. */
+  /**
+   * Which of the two buttons make sense now.
+   *
+   * @param {{ help: boolean, stop: boolean }} buttons
+   * @returns {void}
+   */
   offer({ help, stop }) {
     this.help.hidden = !help;
     this.stop.hidden = !stop;
   }
 
-  /** The study is over for this person: whether the lab still runs is no longer their concern. */
+  /**
+   * The study is over for this person: whether the lab still runs is no longer their concern.
+   *
+   * @param {boolean} resting
+   * @returns {void}
+   */
   rest(resting) {
     this.connection.hidden = resting;
   }
@@ -141,7 +217,19 @@ export class Shell {
   }
 }
 
-/** A calm page of text in the middle, with one heading and, perhaps, buttons. */
+/**
+ * A calm page of text in the middle, with one heading and, perhaps, buttons.
+ *
+ * @param {object} words
+ * @param {string} words.title
+ * @param {ReadonlyArray<string>} [words.lines]
+ * @param {HTMLElement[]} [words.actions]
+ * @param {string} [words.testid]
+ * @param {boolean} [words.wide]
+ * @param {Child} [words.body]
+ * @param {IconName | null} [words.sign]
+ * @returns {HTMLElement}
+ */
 export function card({ title, lines = [], actions = [], testid, wide = false, body = null, sign = null }) {
   const heading = h("h1", { tabindex: "-1" }, title);
   return h(
@@ -155,15 +243,27 @@ export function card({ title, lines = [], actions = [], testid, wide = false, bo
   );
 }
 
-/** A button that submits a step once and says while it waits. Errors reach the person as toasts. */
-export function stepButton({ socket, step, data = () => ({}), label, busy = "Saving", kind = "primary", testid, onError }) {
+/**
+ * A button that submits a step once and says while it waits. Errors reach the person as toasts.
+ *
+ * @template Step
+ * @param {object} button
+ * @param {{ submit: (step: Step) => Promise<unknown> }} button.socket
+ * @param {Step} button.step
+ * @param {string} button.label
+ * @param {string} [button.busy]
+ * @param {string} [button.kind] its classes
+ * @param {string} button.testid
+ * @returns {HTMLButtonElement}
+ */
+export function stepButton({ socket, step, label, busy = "Saving", kind = "primary", testid }) {
   const button = h("button", { type: "button", class: kind, data: { testid } }, label);
   button.addEventListener("click", () => {
     whileBusy(button, busy, async () => {
       try {
-        await socket.submit(step, data());
-      } catch (error) {
-        onError?.(error);
+        await socket.submit(step);
+      } catch {
+        // said in a message
       }
     });
   });

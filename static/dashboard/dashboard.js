@@ -1,15 +1,20 @@
 // The experimenter's page: links, sessions and what can be done with them, roster, data. Talks to the HTTP API with a bearer token.
 
-import { act } from "./commands.js";
-import { Api } from "./api.js";
-import { Rows } from "./sessions_table.js";
 import { copyButton } from "../common/copy.js";
 import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
+import { problemText } from "../common/problem.js";
+import { Toasts } from "../common/shell.js";
+import { Api, isRefused } from "./api.js";
+import { act } from "./commands.js";
+import { Live } from "./live.js";
 import { Results } from "./results.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
-import { Live } from "./live.js";
-import { Toasts } from "../common/shell.js";
+import { Rows } from "./sessions_table.js";
+
+/** @import { InvitationReply, InviteRequest } from "../../tests/javascript/api.d.ts" */
+/** @import { Session } from "./api.js" */
+/** @import { Command } from "./commands.js" */
 
 const POLL_MS = 1000;
 const STALE_MS = 4000;
@@ -18,24 +23,74 @@ const api = new Api();
 const toasts = new Toasts();
 const main = h("main", { id: "main" });
 const updated = h("span", { class: "updated", role: "status", data: { testid: "last-updated" } }, "Not updated yet");
-const leave = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } }, "Forget token");
-const initials = h("input", { type: "text", maxlength: 20, size: 6, autocomplete: "off", spellcheck: "false", value: api.initials, data: { testid: "initials" } });
-initials.addEventListener("change", () => (api.initials = initials.value));
-const signed = h("label", { class: "signed", hidden: true, title: "They stand in the record of what you do, and are exported. Several experimenters share one token: this tells you apart." }, "Your initials", initials);
+const leave = h(
+  "button",
+  { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } },
+  "Forget token",
+);
+const initials = h("input", {
+  type: "text",
+  maxlength: 20,
+  size: 6,
+  autocomplete: "off",
+  spellcheck: "false",
+  value: api.initials,
+  data: { testid: "initials" },
+});
+initials.addEventListener("change", () => {
+  api.initials = initials.value;
+});
+const signed = h(
+  "label",
+  {
+    class: "signed",
+    hidden: true,
+    title:
+      "They stand in the record of what you do, and are exported. Several experimenters share one token: this tells you apart.",
+  },
+  "Your initials",
+  initials,
+);
 let timer = 0;
 let lastMs = 0;
 
+/**
+ * @param {string} [problem] why the token was not taken
+ * @returns {void}
+ */
 function login(problem = "") {
   clearInterval(timer);
   live.stop();
   roster.stop();
   results.stop();
-  leave.hidden = signed.hidden = true;
+  leave.hidden = true;
+  signed.hidden = true;
   const fieldId = freshId("token");
-  const field = h("input", { id: fieldId, type: "password", autocomplete: "off", spellcheck: "false", data: { testid: "token-input" } });
-  const error = h("p", { class: "field-error", role: "alert", hidden: problem === "", data: { testid: "login-error" } }, icon("warning"), h("span", {}, problem));
-  const button = h("button", { type: "submit", class: "primary", data: { testid: "login-button" } }, "Open the dashboard");
-  const form = h("form", { novalidate: true }, h("div", { class: "field" }, h("label", { for: fieldId }, "Experimenter token"), field), error, h("div", { class: "actions" }, button));
+  const field = h("input", {
+    id: fieldId,
+    type: "password",
+    autocomplete: "off",
+    spellcheck: "false",
+    data: { testid: "token-input" },
+  });
+  const error = h(
+    "p",
+    { class: "field-error", role: "alert", hidden: problem === "", data: { testid: "login-error" } },
+    icon("warning"),
+    h("span", {}, problem),
+  );
+  const button = h(
+    "button",
+    { type: "submit", class: "primary", data: { testid: "login-button" } },
+    "Open the dashboard",
+  );
+  const form = h(
+    "form",
+    { novalidate: true },
+    h("div", { class: "field" }, h("label", { for: fieldId }, "Experimenter token"), field),
+    error,
+    h("div", { class: "actions" }, button),
+  );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     whileBusy(button, "Checking", async () => {
@@ -43,10 +98,19 @@ function login(problem = "") {
       await enter();
     });
   });
-  main.replaceChildren(h("section", { class: "card", data: { testid: "page-login" } }, h("h1", {}, "Experimenter's dashboard"), h("p", {}, "The lab prints a link with the token when it starts. Open that link, or paste the token here."), form));
+  main.replaceChildren(
+    h(
+      "section",
+      { class: "card", data: { testid: "page-login" } },
+      h("h1", {}, "Experimenter's dashboard"),
+      h("p", {}, "The lab prints a link with the token when it starts. Open that link, or paste the token here."),
+      form,
+    ),
+  );
   field.focus();
 }
 
+/** @returns {Promise<void>} */
 async function enter() {
   try {
     const sessions = await api.sessions();
@@ -56,20 +120,24 @@ async function enter() {
     timer = setInterval(poll, POLL_MS);
     live.start();
   } catch (error) {
-    if (error.status === 401 || error.status === 403) api.setToken("");
-    login(error.message);
+    if (isRefused(error)) api.setToken("");
+    login(problemText(error));
   }
 }
 
 const results = new Results({ api, toasts });
 const roster = new Roster({ api, toasts, onActed: () => poll() });
-const onAct = async (participant, command) => {
+const onAct = async (/** @type {string} */ participant, /** @type {Command} */ command) => {
   await act(api, toasts, participant, command);
   poll();
 };
 const rows = new Rows({ toasts, onAct });
 const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 
+/**
+ * @param {Session[]} sessions
+ * @returns {void}
+ */
 function drawn(sessions) {
   lastMs = Date.now();
   rows.update(sessions);
@@ -77,6 +145,7 @@ function drawn(sessions) {
   sayUpdated();
 }
 
+/** @returns {void} */
 function sayUpdated() {
   const stale = Date.now() - lastMs > STALE_MS;
   updated.classList.toggle("stale", stale);
@@ -85,34 +154,63 @@ function sayUpdated() {
 }
 
 let polling = false;
+/** @returns {Promise<void>} */
 async function poll() {
   if (polling) return;
   polling = true;
   try {
     drawn(live.fed ? live.sessions : await api.sessions());
   } catch (error) {
-    if (error.status === 401 || error.status === 403) login(error.message);
+    if (isRefused(error)) login(problemText(error));
     else sayUpdated();
   } finally {
     polling = false;
   }
 }
 
+/** @returns {void} */
 function board() {
-  leave.hidden = signed.hidden = false;
+  leave.hidden = false;
+  signed.hidden = false;
   roster.start();
   results.start();
-  main.replaceChildren(h("div", { class: "board", data: { testid: "page-dashboard" } }, h("h1", { class: "visually-hidden" }, "Sessions, roster and data"), createCard(), sessionsCard(), roster.element, results.element));
+  main.replaceChildren(
+    h(
+      "div",
+      { class: "board", data: { testid: "page-dashboard" } },
+      h("h1", { class: "visually-hidden" }, "Sessions, roster and data"),
+      createCard(),
+      sessionsCard(),
+      roster.element,
+      results.element,
+    ),
+  );
 }
 
+/** @returns {HTMLElement} */
 function createCard() {
   const countId = freshId("count");
   const labelId = freshId("label");
-  const count = h("input", { id: countId, type: "number", min: 1, max: 200, step: 1, value: "1", class: "narrow", data: { testid: "create-count" } });
-  const label = h("input", { id: labelId, type: "text", maxlength: 200, autocomplete: "off", data: { testid: "create-label" } });
+  const count = h("input", {
+    id: countId,
+    type: "number",
+    min: 1,
+    max: 200,
+    step: 1,
+    value: "1",
+    class: "narrow",
+    data: { testid: "create-count" },
+  });
+  const label = h("input", {
+    id: labelId,
+    type: "text",
+    maxlength: 200,
+    autocomplete: "off",
+    data: { testid: "create-label" },
+  });
   const error = h("p", { class: "field-error", role: "alert", hidden: true });
   const links = h("div", { class: "links", data: { testid: "links" } });
-  const create = (demo, kind = null) => async () => {
+  const create = (/** @type {NonNullable<InviteRequest["kind"]>} */ kind) => async () => {
     const wanted = Number(count.value);
     error.hidden = true;
     if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
@@ -122,60 +220,160 @@ function createCard() {
       return;
     }
     try {
-      const made = await api.create({ demo, kind, label: label.value.trim(), count: wanted });
-      links.prepend(...made.map((one) => linkRows(one)));
+      const made = await api.create({ demo: kind === "demo", kind, label: label.value.trim(), count: wanted });
+      links.prepend(...made.map(linkRows));
       label.value = "";
       poll();
       roster.refresh();
     } catch (problem) {
       error.hidden = false;
-      setText(error, `No link was created: ${problem.message}`);
+      setText(error, `No link was created: ${problemText(problem)}`);
     }
   };
-  const add = h("button", { type: "button", class: "primary", data: { testid: "create-participant" } }, "Create participant link");
-  const addDemo = h("button", { type: "button", class: "secondary", data: { testid: "create-demo" } }, "Create demo link");
-  const addPilot = h("button", { type: "button", class: "secondary", data: { testid: "create-pilot" } }, "Create pilot link");
-  addPilot.addEventListener("click", () => whileBusy(addPilot, "Creating", create(false, "pilot")));
-  add.addEventListener("click", () => whileBusy(add, "Creating", create(false)));
-  addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create(true)));
-  return h("section", { class: "board-card", "aria-labelledby": "create-title" }, h("h2", { id: "create-title" }, "New links"),
-    h("div", { class: "create" },
+  const add = h(
+    "button",
+    { type: "button", class: "primary", data: { testid: "create-participant" } },
+    "Create participant link",
+  );
+  const addDemo = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "create-demo" } },
+    "Create demo link",
+  );
+  const addPilot = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "create-pilot" } },
+    "Create pilot link",
+  );
+  addPilot.addEventListener("click", () => whileBusy(addPilot, "Creating", create("pilot")));
+  add.addEventListener("click", () => whileBusy(add, "Creating", create("study")));
+  addDemo.addEventListener("click", () => whileBusy(addDemo, "Creating", create("demo")));
+  return h(
+    "section",
+    { class: "board-card", "aria-labelledby": "create-title" },
+    h("h2", { id: "create-title" }, "New links"),
+    h(
+      "div",
+      { class: "create" },
       h("div", { class: "field" }, h("label", { for: countId }, "How many"), count),
       h("div", { class: "field grow" }, h("label", { for: labelId }, "Recruitment id or note (never exported)"), label),
-      add, addPilot, addDemo),
-    error, h("p", { class: "hint" }, "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never."), links);
+      add,
+      addPilot,
+      addDemo,
+    ),
+    error,
+    h(
+      "p",
+      { class: "hint" },
+      "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never.",
+    ),
+    links,
+  );
 }
 
+/**
+ * @param {InvitationReply} invitation
+ * @returns {HTMLElement}
+ */
 function linkRows({ participant, link, panel_link, kind, demo }) {
-  const qr = (url) => {
-    const button = h("button", { type: "button", class: "secondary small", "aria-label": `QR code of ${participant}`, data: { testid: "show-qr" } }, "QR code");
-    button.addEventListener("click", () => showQr(api, participant, url).catch((error) => toasts.show(error.message, { problem: true })));
+  const qr = (/** @type {string} */ url) => {
+    const button = h(
+      "button",
+      {
+        type: "button",
+        class: "secondary small",
+        "aria-label": `QR code of ${participant}`,
+        data: { testid: "show-qr" },
+      },
+      "QR code",
+    );
+    button.addEventListener("click", () =>
+      showQr(api, participant, url).catch((error) => toasts.show(problemText(error), { problem: true })),
+    );
     return button;
   };
   const marked = demo ? " (demo)" : kind === "pilot" ? " (pilot)" : "";
-  const line = (name, url, testid) => url && h("div", { class: "link-row" }, h("span", {}, name),
-    h("input", { type: "text", readonly: true, value: url, "aria-label": `${name} of ${participant}`, data: { testid } }), h("span", { class: "buttons" }, copyButton(() => url, "Copy", `copy-${testid}`), qr(url)));
-  return h("div", { class: "panel", data: { testid: "new-link", participant } }, h("p", {}, h("strong", {}, participant), marked),
-    line("Participant link", link, "participant-link"), line("Second device", panel_link, "second-device-link"));
+  const line = (/** @type {string} */ name, /** @type {string} */ url, /** @type {string} */ testid) =>
+    url &&
+    h(
+      "div",
+      { class: "link-row" },
+      h("span", {}, name),
+      h("input", {
+        type: "text",
+        readonly: true,
+        value: url,
+        "aria-label": `${name} of ${participant}`,
+        data: { testid },
+      }),
+      h(
+        "span",
+        { class: "buttons" },
+        copyButton(() => url, "Copy", `copy-${testid}`),
+        qr(url),
+      ),
+    );
+  return h(
+    "div",
+    { class: "panel", data: { testid: "new-link", participant } },
+    h("p", {}, h("strong", {}, participant), marked),
+    line("Participant link", link, "participant-link"),
+    line("Second device", panel_link, "second-device-link"),
+  );
 }
 
+/** @returns {HTMLElement} */
 function sessionsCard() {
-  const download = h("button", { type: "button", class: "secondary", data: { testid: "download-export" } }, "Download the data (zip)");
-  download.addEventListener("click", () => whileBusy(download, "Preparing the download", async () => {
-    try {
-      await api.download();
-    } catch (error) {
-      toasts.show(`The data could not be downloaded: ${error.message}`, { problem: true });
-    }
-  }));
-  return h("section", { class: "board-card", "aria-labelledby": "sessions-title" }, h("div", { class: "board-head" }, h("h2", { id: "sessions-title" }, "Sessions"), h("span", { class: "top-actions" }, updated, rows.filter, download)), rows.element);
+  const download = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "download-export" } },
+    "Download the data (zip)",
+  );
+  download.addEventListener("click", () =>
+    whileBusy(download, "Preparing the download", async () => {
+      try {
+        await api.download();
+      } catch (error) {
+        toasts.show(`The data could not be downloaded: ${problemText(error)}`, { problem: true });
+      }
+    }),
+  );
+  return h(
+    "section",
+    { class: "board-card", "aria-labelledby": "sessions-title" },
+    h(
+      "div",
+      { class: "board-head" },
+      h("h2", { id: "sessions-title" }, "Sessions"),
+      h("span", { class: "top-actions" }, updated, rows.filter, download),
+    ),
+    rows.element,
+  );
 }
 
 leave.addEventListener("click", async () => {
   await api.leave();
   login();
 });
-document.body.append(h("div", { class: "app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard")), h("span", { class: "top-actions" }, signed, leave)), main, toasts.element));
+document.body.append(
+  h(
+    "div",
+    { class: "app" },
+    h(
+      "header",
+      { class: "top" },
+      h(
+        "span",
+        { class: "brand" },
+        h("span", { class: "brand-mark", "aria-hidden": "true" }),
+        h("span", { class: "brand-title" }, "Shared Autonomy Lab · Dashboard"),
+      ),
+      h("span", { class: "top-actions" }, signed, leave),
+    ),
+    main,
+    toasts.element,
+  ),
+);
 setInterval(() => lastMs && sayUpdated(), POLL_MS);
 if (api.token) enter();
 else login();

@@ -1,21 +1,41 @@
 // The experimenter's socket: every session as it changes, and everything about the one that is open on the page.
 //
-// Events: "sessions" (all of them, in order of enrolment), "watched" (news of the open one), "state" (true = fed).
+// Events: "sessions" (all of them, in order of enrolment) and "watched" (news of the open one).
 
+import { Emitter } from "../common/emitter.js";
 import { socketUrl } from "../common/root.js";
+
+/** @import { LiveReply, TickExplanation } from "../../tests/javascript/api.d.ts" */
+/** @import { SessionEvent } from "./api.js" */
+/**
+ * News of the watched session; `since_start`: they take the place of what was told before.
+ *
+ * @typedef {object} Watched
+ * @property {"watched"} type
+ * @property {string} participant
+ * @property {boolean} since_start
+ * @property {TickExplanation[]} ticks
+ * @property {SessionEvent[]} events
+ */
+/** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[] }} Overview */
 
 const FIRST_RETRY_MS = 500;
 const LAST_RETRY_MS = 8000;
 const REFUSED = 1008;
+const GONE = 1006;
 const SILENT_MS = 30_000; // the lab gives a sign of life every ten seconds
 
-export class LiveFeed extends EventTarget {
+/** @extends {Emitter<{ sessions: LiveReply[], watched: Watched }>} */
+export class LiveFeed extends Emitter {
   constructor() {
     super();
+    /** @type {Map<string, LiveReply>} */
     this.sessions = new Map();
+    /** @type {string | null} */
     this.watched = null;
     this.fed = false; // whether the lab has told everything at least once on this connection
     this._token = "";
+    /** @type {WebSocket | null} */
     this._socket = null;
     this._tries = 0;
     this._retry = 0;
@@ -23,22 +43,32 @@ export class LiveFeed extends EventTarget {
     setInterval(() => this._listen(), 2000);
   }
 
+  /**
+   * @param {string} token
+   * @returns {void}
+   */
   start(token) {
     this.stop();
     this._token = token;
     this._connect();
   }
 
+  /** @returns {void} */
   stop() {
     clearTimeout(this._retry);
     this._token = "";
     const socket = this._socket;
     this._socket = null;
     socket?.close();
-    this._setFed(false);
+    this.fed = false;
   }
 
-  /** Which session to hear everything of; null for none. */
+  /**
+   * Which session to hear everything of; null for none.
+   *
+   * @param {string | null} participant
+   * @returns {void}
+   */
   watch(participant) {
     this.watched = participant;
     if (this.fed) this._sayWatch();
@@ -49,7 +79,7 @@ export class LiveFeed extends EventTarget {
     this._socket = socket;
     socket.addEventListener("open", () => socket.send(JSON.stringify({ type: "hello", token: this._token })));
     socket.addEventListener("message", (event) => socket === this._socket && this._receive(JSON.parse(event.data)));
-    socket.addEventListener("close", (event) => socket === this._socket && this._closed(event));
+    socket.addEventListener("close", (event) => socket === this._socket && this._closed(event.code));
   }
 
   /** A laptop that slept or a pulled cable says nothing: do not wait for TCP to notice. */
@@ -58,17 +88,19 @@ export class LiveFeed extends EventTarget {
     const dead = this._socket;
     this._socket = null;
     dead?.close();
-    this._closed({ code: 1006 });
+    this._closed(GONE);
   }
 
-  _closed(event) {
+  /** @param {number} code why, as WebSockets number it */
+  _closed(code) {
     this._socket = null;
-    this._setFed(false);
-    if (event.code === REFUSED || !this._token) return;
+    this.fed = false;
+    if (code === REFUSED || !this._token) return;
     this._tries += 1;
     this._retry = setTimeout(() => this._connect(), Math.min(LAST_RETRY_MS, FIRST_RETRY_MS * 1.7 ** (this._tries - 1)));
   }
 
+  /** @param {Overview | Watched} message */
   _receive(message) {
     this._heardMs = performance.now();
     if (message.type === "overview") {
@@ -77,23 +109,13 @@ export class LiveFeed extends EventTarget {
       for (const participant of message.gone) this.sessions.delete(participant);
       this._tries = 0;
       const first = !this.fed;
-      this._setFed(true);
+      this.fed = true;
       if (first && this.watched) this._sayWatch();
-      this._emit("sessions", [...this.sessions.values()]);
-    } else if (message.type === "watched" && message.participant === this.watched) this._emit("watched", message);
+      this.emit("sessions", [...this.sessions.values()]);
+    } else if (message.type === "watched" && message.participant === this.watched) this.emit("watched", message);
   }
 
   _sayWatch() {
     this._socket?.send(JSON.stringify({ type: "watch", participant: this.watched }));
-  }
-
-  _setFed(fed) {
-    if (this.fed === fed) return;
-    this.fed = fed;
-    this._emit("state", fed);
-  }
-
-  _emit(type, detail) {
-    this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

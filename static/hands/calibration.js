@@ -3,88 +3,125 @@
 import { h, icon, setText } from "../common/dom.js";
 import { ACTIONS, Calibration, DEAD_ZONE, LABELS, snapshot } from "./mapping.js";
 
-const WAYS = { forward: "Push forward, away from the robot", left: "Push left", up: "The control for up", back: "Pull back, towards the robot", right: "Push right", down: "The control for down", close: "The button that closes the gripper", open: "The button that opens the gripper" };
+/** @import { Pads, remembered } from "./gamepad.js" */
+/** @import { Pad } from "./input.js" */
+/** @import { Action } from "./mapping.js" */
 
-/** `onDone({padId, mapping, deadZone})`; `known(padId)` offers what was learned before. */
+/** @type {Record<Action, string>} */
+const WAYS = {
+  forward: "Push forward, away from the robot",
+  left: "Push left",
+  up: "The control for up",
+  back: "Pull back, towards the robot",
+  right: "Push right",
+  down: "The control for down",
+  close: "The button that closes the gripper",
+  open: "The button that opens the gripper",
+};
+
+/**
+ * Asks for one control after another; `known` offers what was learned of a pad before.
+ *
+ * @param {{ pads: Pads, known: typeof remembered, onDone: (pad: Pad) => void }} wiring
+ * @returns {{ element: HTMLElement, close: () => void }}
+ */
 export function calibrate({ pads, known, onDone }) {
   const title = h("h3", { "aria-live": "assertive", data: { testid: "calibration-prompt" } });
   const hint = h("p", { class: "hint" });
-  const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}));
-  const list = h("ol", { class: "calibration-list" }, ACTIONS.map((action) => h("li", { data: { action } }, h("span", { class: "mark", "aria-hidden": "true" }), h("span", {}, LABELS[action]))));
-  const restart = h("button", { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-restart" } }, icon("reset"), "Start over");
-  const element = h("div", { class: "calibration", data: { testid: "calibration", step: "wake" } }, h("div", { class: "calibration-ask" }, icon("gamepad"), h("div", {}, title, hint, warn, restart)), list);
-  let pad = null; // {id}
-  let phase = "wake"; // wake → rest → learn → done
+  const warnText = h("span", {});
+  const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), warnText);
+  const items = ACTIONS.map((action) => {
+    const mark = h("span", { class: "mark", "aria-hidden": "true" });
+    return { action, mark, element: h("li", { data: { action } }, mark, h("span", {}, LABELS[action])) };
+  });
+  const list = h(
+    "ol",
+    { class: "calibration-list" },
+    items.map((item) => item.element),
+  );
+  const restart = h(
+    "button",
+    { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-restart" } },
+    icon("reset"),
+    "Start over",
+  );
+  const element = h(
+    "div",
+    { class: "calibration", data: { testid: "calibration", step: "wake" } },
+    h("div", { class: "calibration-ask" }, icon("gamepad"), h("div", {}, title, hint, warn, restart)),
+    list,
+  );
+  // Waiting for a touch: no pad. Waiting for it to rest: a pad. Learning: both.
+  /** @type {string | null} */
+  let padId = null;
+  /** @type {Calibration | null} */
   let learning = null;
 
-  const setPhase = (next) => {
-    phase = next;
-    draw();
-  };
-
   function draw() {
-    const step = phase === "learn" ? learning.step : phase;
-    element.dataset.step = step ?? "done";
-    restart.hidden = phase !== "learn";
-    if (phase === "wake") {
+    const asked = learning?.step ?? null;
+    element.dataset.step = padId === null ? "wake" : learning === null ? "rest" : (asked ?? "done");
+    restart.hidden = learning === null;
+    if (padId === null) {
       setText(title, "Press any button on your gamepad");
-      setText(hint, pads.seen.length ? "Connected. The page starts with the pad you touch." : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.");
-    } else if (phase === "rest") {
+      setText(
+        hint,
+        pads.seen.length
+          ? "Connected. The page starts with the pad you touch."
+          : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.",
+      );
+    } else if (learning === null) {
       setText(title, "Let go of everything");
-      setText(hint, pad.id);
+      setText(hint, padId);
     } else {
-      setText(title, learning.holding ? "Good, now let go" : `${WAYS[step]}, then let go`);
+      setText(title, learning.holding || asked === null ? "Good, now let go" : `${WAYS[asked]}, then let go`);
       setText(hint, "Use the stick, cross or button you would like to use for it.");
     }
     warn.hidden = !learning?.message;
-    setText(warn.lastChild, learning?.message ?? "");
-    for (const item of list.children) {
-      const { action } = item.dataset;
-      const learned = learning !== null && action in learning.mapping;
-      item.className = learned ? "learned" : action === step ? "asked" : "";
-      item.firstChild.replaceChildren(...(learned ? [icon("check")] : []));
+    setText(warnText, learning?.message ?? "");
+    for (const item of items) {
+      const learned = learning !== null && item.action in learning.mapping;
+      item.element.className = learned ? "learned" : item.action === asked ? "asked" : "";
+      item.mark.replaceChildren(...(learned ? [icon("check")] : []));
     }
   }
 
   function poll() {
-    if (phase === "wake") {
+    if (padId === null) {
       const touched = pads.touched();
       if (!touched) return;
-      pad = { id: touched.id };
-      const before = known(touched.id);
+      padId = touched.id;
+      const before = known(padId);
       if (before) {
         close();
-        onDone({ padId: pad.id, mapping: before.mapping, deadZone: before.dead_zone });
-        return;
-      }
-      setPhase("rest");
+        onDone({ padId, mapping: before.mapping, deadZone: before.dead_zone });
+      } else draw();
       return;
     }
-    const now = pads.find(pad.id);
+    const now = pads.find(padId);
     if (!now) {
-      pad = null;
+      padId = null;
       learning = null;
-      setPhase("wake");
+      draw();
       return;
     }
     const state = snapshot(now);
-    if (phase === "rest") {
+    if (learning === null) {
       if (state.buttons.some((value) => value > 0.25)) return;
       learning = new Calibration(state);
-      setPhase("learn");
-    } else if (phase === "learn") {
-      const changed = learning.feed(state);
-      if (learning.done) {
-        close();
-        onDone({ padId: pad.id, mapping: learning.mapping, deadZone: DEAD_ZONE.default });
-      } else if (changed) draw();
+      draw();
+      return;
     }
+    const changed = learning.feed(state);
+    if (learning.learned) {
+      close();
+      onDone({ padId, mapping: learning.learned, deadZone: DEAD_ZONE.default });
+    } else if (changed) draw();
   }
 
   const onPads = () => draw();
   restart.addEventListener("click", () => {
     learning = null;
-    setPhase("rest");
+    draw();
   });
   pads.addEventListener("poll", poll);
   pads.addEventListener("pads", onPads);

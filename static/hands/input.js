@@ -2,15 +2,35 @@
 // repeats the present state. A press and its release are two messages, so a short tap between two ticks still counts.
 // Nothing is queued: what cannot be sent now is never sent late.
 
-import { chosenDevice } from "./keyboard.js";
+import { Emitter } from "../common/emitter.js";
 import { remembered } from "./gamepad.js";
+import { chosenDevice } from "./keyboard.js";
 
+/** @import { Heartbeat, Welcome } from "../../tests/javascript/wire.d.ts" */
+/** @import { LabSocket } from "../wire/socket.js" */
+/** @import { Pads } from "./gamepad.js" */
+/** @import { ChosenDevice, GripperPress, HandsEvents, Keyboard } from "./keyboard.js" */
+/** @import { Direction, Mapping } from "./mapping.js" */
+/** @typedef {NonNullable<Heartbeat["device"]>} Device */
+/** @typedef {{ direction: Direction | null, device: Device }} Hands */
+/** @typedef {{ padId: string, mapping: Mapping, deadZone: number }} Pad a pad and what was learned of it */
+
+/**
+ * @param {Direction | null} a
+ * @param {Direction | null} b
+ * @returns {boolean}
+ */
 function sameDirection(a, b) {
   return a === b || (a !== null && b !== null && a.every((value, axis) => value === b[axis]));
 }
 
-/** Emits "hands" ({direction, device, actions}) for indicators, "gripper" for each press, "device" when it changes. */
-export class Input extends EventTarget {
+/**
+ * Emits "hands" for indicators, "gripper" for each press, "device" when the pad in use comes or goes.
+ *
+ * @extends {Emitter<{ hands: Hands, gripper: GripperPress, device: { device: Device, there: boolean } }>}
+ */
+export class Input extends Emitter {
+  /** @param {{ socket: LabSocket, keyboard: Keyboard, pads: Pads, session: string }} wiring */
   constructor({ socket, keyboard, pads, session }) {
     super();
     this.socket = socket;
@@ -19,10 +39,15 @@ export class Input extends EventTarget {
     this.session = session;
     this.seq = 0;
     this.driving = false; // hands reach the robot only now
+    /** @type {Direction | null} */
     this.direction = null; // as told to the lab
+    /** @type {ChosenDevice["device"] | null} */
     this.chosen = null;
     this._padWasThere = false;
-    for (const device of [keyboard, pads]) {
+    this._everyMs = 0;
+    /** @type {Worker | null} */
+    this._worker = null;
+    for (const device of /** @type {Emitter<HandsEvents>[]} */ ([keyboard, pads])) {
       device.addEventListener("hands", () => this._changed());
       device.addEventListener("gripper", (event) => this._gripper(event.detail));
     }
@@ -35,13 +60,23 @@ export class Input extends EventTarget {
     this._restore();
   }
 
-  /** The device in use: the chosen one, or the keyboard while the chosen pad is unplugged. */
+  /**
+   * The device in use: the chosen one, or the keyboard while the chosen pad is unplugged.
+   *
+   * @returns {Device}
+   */
   get device() {
     if (this.chosen === "gamepad") return this.pads.present ? "gamepad" : "keyboard";
     return this.chosen ?? "none";
   }
 
-  /** Called by the set-up: "keyboard", or "gamepad" with its pad. */
+  /**
+   * Called by the set-up: "keyboard", or "gamepad" with its pad.
+   *
+   * @param {ChosenDevice["device"]} device
+   * @param {Pad | null} [pad]
+   * @returns {void}
+   */
   choose(device, pad = null) {
     this.chosen = device;
     chosenDevice.set(this.session, { device, pad_id: pad?.padId ?? null });
@@ -51,7 +86,12 @@ export class Input extends EventTarget {
     this._announce();
   }
 
-  /** Turns the hands on or off. Off lets go; on starts from what is held now (keys must be pressed anew). */
+  /**
+   * Turns the hands on or off. Off lets go; on starts from what is held now (keys must be pressed anew).
+   *
+   * @param {boolean} on
+   * @returns {void}
+   */
   drive(on) {
     if (this.driving === on) return;
     this.driving = on;
@@ -60,7 +100,11 @@ export class Input extends EventTarget {
     this._changed();
   }
 
-  /** Hands as they are, whether they drive or not: the pad, else the keyboard. */
+  /**
+   * Hands as they are, whether they drive or not: the pad, else the keyboard.
+   *
+   * @returns {Direction | null}
+   */
   hands() {
     const padDirection = this.pads.direction();
     const direction = padDirection.some(Boolean) ? padDirection : this.keyboard.direction();
@@ -87,33 +131,35 @@ export class Input extends EventTarget {
     this._send(null);
   }
 
+  /** @param {GripperPress} press */
   _gripper(press) {
-    this.dispatchEvent(new CustomEvent("gripper", { detail: press }));
+    this.emit("gripper", press);
     if (this.driving) this._send(press);
   }
 
+  /** @param {GripperPress | null} gripper */
   _send(gripper) {
     if (!this.socket.open) return;
     this.seq += 1;
-    const message = { type: "input", seq: this.seq, client_ms: performance.now(), direction: this.direction };
-    this.socket.send(gripper ? { ...message, gripper } : message);
+    const message = { seq: this.seq, client_ms: performance.now(), direction: this.direction };
+    this.socket.send({ type: "input", ...message, ...(gripper ? { gripper } : {}) });
   }
 
   _announce() {
-    const detail = { direction: this.hands(), device: this.device };
-    this.dispatchEvent(new CustomEvent("hands", { detail }));
+    this.emit("hands", { direction: this.hands(), device: this.device });
   }
 
   _padsChanged() {
     const there = this.pads.present;
     if (this.chosen === "gamepad" && there !== this._padWasThere) {
       this._padWasThere = there;
-      this.socket.note(there ? "pad_plugged" : "pad_unplugged", { pad_id: this.pads.padId.slice(0, 200) });
-      this.dispatchEvent(new CustomEvent("device", { detail: { device: this.device, there } }));
+      this.socket.note(there ? "pad_plugged" : "pad_unplugged", { pad_id: (this.pads.padId ?? "").slice(0, 200) });
+      this.emit("device", { device: this.device, there });
     }
     this._announce();
   }
 
+  /** @param {Welcome} welcome */
   _welcome({ last_seq, heartbeat_ms, pace }) {
     this.seq = Math.max(this.seq, last_seq);
     this.direction = null; // a new connection has seen no input: tell it what is held
@@ -122,6 +168,7 @@ export class Input extends EventTarget {
     this._beat();
   }
 
+  /** @param {number} everyMs 0 for never */
   _startBeating(everyMs) {
     this._everyMs = everyMs;
     if (!this._worker) {

@@ -1,15 +1,39 @@
 // The keyboard as an equal way to drive. Keys by position (so that WASD stay where they are on any layout).
 
+import { Emitter } from "../common/emitter.js";
 import { lasting } from "../common/store.js";
 
+/** @import { Input } from "../../tests/javascript/wire.d.ts" */
+/** @import { Direction } from "./mapping.js" */
+/** @typedef {NonNullable<Input["gripper"]>} GripperPress */
+/** @typedef {{ device: "gamepad" | "keyboard", pad_id: string | null }} ChosenDevice */
+/** @typedef {{ hands: null, gripper: GripperPress }} HandsEvents what every device emits */
+
+/** @type {Record<string, [axis: number, sign: number]>} */
 const AXES = {
-  KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1],
-  KeyA: [1, 1], ArrowLeft: [1, 1], KeyD: [1, -1], ArrowRight: [1, -1],
-  KeyR: [2, 1], KeyE: [2, 1], PageUp: [2, 1], KeyF: [2, -1], KeyQ: [2, -1], PageDown: [2, -1],
+  KeyW: [0, 1],
+  ArrowUp: [0, 1],
+  KeyS: [0, -1],
+  ArrowDown: [0, -1],
+  KeyA: [1, 1],
+  ArrowLeft: [1, 1],
+  KeyD: [1, -1],
+  ArrowRight: [1, -1],
+  KeyR: [2, 1],
+  KeyE: [2, 1],
+  PageUp: [2, 1],
+  KeyF: [2, -1],
+  KeyQ: [2, -1],
+  PageDown: [2, -1],
 };
+/** @type {Record<string, GripperPress>} */
 const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "open", KeyO: "open" };
 
-/** What the pages print: [what it does, keys]. */
+/**
+ * What the pages print: what it does, and the keys for it.
+ *
+ * @type {[what: string, first: string[], second: string[]][]}
+ */
 export const LEGEND = [
   ["Forward, back", ["W", "S"], ["↑", "↓"]],
   ["Left, right", ["A", "D"], ["←", "→"]],
@@ -17,19 +41,27 @@ export const LEGEND = [
   ["Grip, let go", ["C", "O"], ["Space", "Enter"]],
 ];
 
+/** @param {EventTarget | null} target */
 function isTyping(target) {
   return target instanceof Element && target.closest("input, textarea, select, dialog, [contenteditable]") !== null;
 }
 
+/** @param {EventTarget | null} target */
 function isButton(target) {
   return target instanceof Element && target.closest("button, a[href], summary") !== null;
 }
 
-/** Emits "hands" on every change of direction and "gripper" (detail "open" | "close") once a press. */
-export class Keyboard extends EventTarget {
+/**
+ * Emits "hands" on every change of direction and "gripper" once a press.
+ *
+ * @extends {Emitter<HandsEvents>}
+ */
+export class Keyboard extends Emitter {
   constructor() {
     super();
+    /** @type {Node | null} */
     this.scope = null; // null = off; a node: keys pressed inside it drive
+    /** @type {Set<string>} */
     this.down = new Set();
     addEventListener("keydown", (event) => this._keyDown(event));
     addEventListener("keyup", (event) => this._keyUp(event));
@@ -37,37 +69,45 @@ export class Keyboard extends EventTarget {
     document.addEventListener("focusin", (event) => this.down.size && isTyping(event.target) && this.release());
   }
 
-  /** Keys drive while they are pressed inside `scope`; null turns them off and lets go of everything. */
+  /**
+   * Keys drive while they are pressed inside `scope`; null turns them off and lets go of everything.
+   *
+   * @param {Node | null} scope
+   * @returns {void}
+   */
   listen(scope) {
     this.scope = scope;
     this.release();
   }
 
-  /** Held keys as [x, y, z]; opposite keys cancel. */
+  /**
+   * Held keys as [x, y, z]; opposite keys cancel.
+   *
+   * @returns {Direction}
+   */
   direction() {
-    const total = [0, 0, 0];
-    const held = new Set([...this.down].map((code) => AXES[code].join()));
-    for (const pair of held) {
-      const [axis, sign] = pair.split(",").map(Number);
-      total[axis] += sign;
-    }
-    return total;
+    const pairs = [...this.down].map((code) => AXES[code]);
+    const held = (/** @type {number} */ axis, /** @type {number} */ sign) =>
+      Number(pairs.some((pair) => pair?.[0] === axis && pair[1] === sign));
+    return /** @type {Direction} */ ([0, 1, 2].map((axis) => held(axis, 1) - held(axis, -1)));
   }
 
+  /** @returns {void} */
   release() {
     if (this.down.size === 0) return;
     this.down.clear();
     this._changed();
   }
 
+  /** @param {KeyboardEvent} event */
   _keyDown(event) {
     if (!this.scope || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target)) return;
-    if (this.scope !== document && !this.scope.contains(event.target)) return;
+    if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
     const gripper = GRIPPER[event.code];
     if (gripper) {
       if (isButton(event.target) && !event.code.startsWith("Key")) return; // Space and Enter press that button
       event.preventDefault();
-      if (!event.repeat) this.dispatchEvent(new CustomEvent("gripper", { detail: gripper }));
+      if (!event.repeat) this.emit("gripper", gripper);
       return;
     }
     if (!(event.code in AXES)) return;
@@ -77,17 +117,27 @@ export class Keyboard extends EventTarget {
     this._changed();
   }
 
+  /** @param {KeyboardEvent} event */
   _keyUp(event) {
     if (this.down.delete(event.code)) this._changed();
   }
 
   _changed() {
-    this.dispatchEvent(new CustomEvent("hands"));
+    this.emit("hands");
   }
 }
 
 /** Which device the person chose in this session; null before the set-up. */
 export const chosenDevice = {
-  get: (session) => lasting.get(`${session}:device`),
+  /**
+   * @param {string} session
+   * @returns {ChosenDevice | null}
+   */
+  get: (session) => lasting.get(`${session}:device`, null),
+  /**
+   * @param {string} session
+   * @param {ChosenDevice} device
+   * @returns {boolean}
+   */
   set: (session, device) => lasting.set(`${session}:device`, device),
 };

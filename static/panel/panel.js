@@ -1,14 +1,31 @@
 // The second device: waits, shows a reading with a loud sound, takes the number. Made to be read from across a room.
 
-import { AlertView } from "../readings/alert.js";
 import { h, icon, setText } from "../common/dom.js";
-import { card, Toasts } from "../common/shell.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
-import { LabSocket } from "../wire/socket.js";
+import { card, Toasts } from "../common/shell.js";
+import { AlertView } from "../readings/alert.js";
 import { Sound } from "../readings/sound.js";
+import { LabSocket } from "../wire/socket.js";
+
+/** @import { IconName } from "../common/dom.js" */
+/** @import { ConnectionState } from "../common/shell.js" */
 
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
-const RESULTS = { answered: "Reading saved.", expired: "Time ran out for the last reading.", trial_ended: "The round has ended." };
+/** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
+const CONNECTION = {
+  connecting: ["lost", "Connecting"],
+  closed: ["lost", "Connecting"],
+  open: ["check", "Connected"],
+  lost: ["lost", "Connection lost – trying again"],
+  superseded: ["warning", "Open on another device"],
+  denied: ["warning", "Link not valid"],
+  outdated: ["warning", "Page out of date"],
+};
+const RESULTS = {
+  answered: "Reading saved.",
+  expired: "Time ran out for the last reading.",
+  trial_ended: "The round has ended.",
+};
 
 const session = sessionOfPage();
 const socket = new LabSocket({ url: socketUrl(`/s/${session}/panel/socket`), name: `${session}:panel` });
@@ -17,34 +34,60 @@ const toasts = new Toasts();
 const alert = new AlertView({ socket, sound, away: false });
 
 const connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
-const on = h("button", { type: "button", class: "primary huge", data: { testid: "panel-start" } }, icon("sound"), "Turn the sound on");
+const on = h(
+  "button",
+  { type: "button", class: "primary huge", data: { testid: "panel-start" } },
+  icon("sound"),
+  "Turn the sound on",
+);
 on.addEventListener("click", async () => {
-  if (!(await sound.alarm())) return toasts.show("This browser did not let the sound through. Press the button once more.", { problem: true });
+  if (!(await sound.alarm()))
+    return toasts.show("This browser did not let the sound through. Press the button once more.", { problem: true });
   started = true;
   setTimeout(() => alert.covering || sound.silence(), 800);
   refresh();
 });
-const locked = h("section", { class: "panel-wait", data: { testid: "panel-locked" } }, h("h1", {}, "Sensor readings"), h("p", {}, "This screen shows the readings. Press the button once, so that the browser lets the alarm through."), on);
+const locked = h(
+  "section",
+  { class: "panel-wait", data: { testid: "panel-locked" } },
+  h("h1", {}, "Sensor readings"),
+  h("p", {}, "This screen shows the readings. Press the button once, so that the browser lets the alarm through."),
+  on,
+);
 const last = h("p", { class: "panel-last", role: "status", data: { testid: "panel-last" } });
 const waitText = h("p", {}, "The next reading appears here, with a loud sound. Type it and press Enter.");
-const waiting = h("section", { class: "panel-wait", data: { testid: "panel-waiting" } }, h("div", { class: "pulse", "aria-hidden": "true" }), h("h1", {}, "Waiting for a reading"), waitText, last);
+const waiting = h(
+  "section",
+  { class: "panel-wait", data: { testid: "panel-waiting" } },
+  h("div", { class: "pulse", "aria-hidden": "true" }),
+  h("h1", {}, "Waiting for a reading"),
+  waitText,
+  last,
+);
 const main = h("main", { id: "main" }, locked, waiting, alert.element);
 
+/** @type {HTMLElement | null} */
 let ended = null;
 let started = false; // the button was pressed: sound is known to come through
 
+/** @returns {void} */
 function refresh() {
   const open = alert.covering && !alert.concealed;
   locked.hidden = ended !== null || started || open;
   waiting.hidden = ended !== null || !started || open;
-  const words = { open: ["check", "Connected"], superseded: ["warning", "Open on another device"], denied: ["warning", "Link not valid"], outdated: ["warning", "Page out of date"] };
-  const [sign, text] = words[socket.state] ?? ["lost", socket.state === "lost" ? "Connection lost – trying again" : "Connecting"];
+  const [sign, text] = CONNECTION[socket.state];
   connection.dataset.state = socket.state;
   if (connection.dataset.text === text) return;
   connection.dataset.text = text;
   connection.replaceChildren(icon(sign), h("span", {}, text));
 }
 
+/**
+ * @param {string} title
+ * @param {string} line
+ * @param {HTMLElement | null} [action]
+ * @returns {void}
+ */
 function finish(title, line, action = null) {
   ended?.remove();
   ended = card({ title, lines: [line], sign: "check", testid: "panel-ended", actions: action ? [action] : [] });
@@ -53,6 +96,7 @@ function finish(title, line, action = null) {
   refresh();
 }
 
+/** @returns {void} */
 function reopen() {
   ended?.remove();
   ended = null;
@@ -61,20 +105,25 @@ function reopen() {
 
 alert.addEventListener("open", refresh);
 alert.addEventListener("released", (event) => {
-  setText(last, RESULTS[event.detail] ?? "");
+  setText(last, event.detail ? RESULTS[event.detail] : "");
   refresh();
 });
 sound.addEventListener("state", refresh);
 socket.addEventListener("state", (event) => {
   alert.pause(event.detail !== "open");
   if (event.detail === "superseded") {
-    const again = h("button", { type: "button", class: "primary large", data: { testid: "take-over" } }, "Use this screen instead");
+    const again = h(
+      "button",
+      { type: "button", class: "primary large", data: { testid: "take-over" } },
+      "Use this screen instead",
+    );
     again.addEventListener("click", () => {
       reopen();
       socket.takeOver();
     });
     finish("The panel is open somewhere else", "Readings appear there.", again);
-  } else if (event.detail === "denied") finish("This link does not work any more", "Open the link for the second device once more.");
+  } else if (event.detail === "denied")
+    finish("This link does not work any more", "Open the link for the second device once more.");
   else if (event.detail === "outdated") finish("This page is out of date", "Reload the page to go on.");
   refresh();
 });
@@ -85,14 +134,42 @@ socket.addEventListener("page", (event) => {
   alert.pause(state === "paused");
   alert.conceal(state === "paused");
   if (state !== "trial" && state !== "paused") alert.clear();
-  setText(waitText, state === "paused" ? "The round is paused." : "The next reading appears here, with a loud sound. Type it and press Enter.");
+  setText(
+    waitText,
+    state === "paused"
+      ? "The round is paused."
+      : "The next reading appears here, with a loud sound. Type it and press Enter.",
+  );
   refresh();
 });
-socket.addEventListener("status", (event) => alert.pause(["paused", "held", "recovering"].includes(event.detail.status)));
+socket.addEventListener("status", (event) =>
+  alert.pause(["paused", "held", "recovering"].includes(event.detail.status)),
+);
 socket.addEventListener("notice", (event) => toasts.show(event.detail.text));
-socket.addEventListener("refused", (event) => event.detail.stale || toasts.show(event.detail.message, { problem: true }));
+socket.addEventListener(
+  "refused",
+  (event) => event.detail.stale || toasts.show(event.detail.message, { problem: true }),
+);
 
-document.body.append(h("div", { class: "app panel-app" }, h("header", { class: "top" }, h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), h("span", { class: "brand-title" }, "Sensor panel")), connection), main, toasts.element));
+document.body.append(
+  h(
+    "div",
+    { class: "app panel-app" },
+    h(
+      "header",
+      { class: "top" },
+      h(
+        "span",
+        { class: "brand" },
+        h("span", { class: "brand-mark", "aria-hidden": "true" }),
+        h("span", { class: "brand-title" }, "Sensor panel"),
+      ),
+      connection,
+    ),
+    main,
+    toasts.element,
+  ),
+);
 refresh();
 on.focus();
 socket.connect();

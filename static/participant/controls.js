@@ -4,6 +4,10 @@ import { h } from "../common/dom.js";
 import { LEGEND } from "../hands/keyboard.js";
 import { controlName } from "../hands/mapping.js";
 
+/** @import { Input } from "../hands/input.js" */
+/** @import { Action, Mapping } from "../hands/mapping.js" */
+
+/** @type {[what: string, ...actions: Action[]][]} */
 const PAIRS = [
   ["Forward, back", "forward", "back"],
   ["Left, right", "left", "right"],
@@ -11,29 +15,64 @@ const PAIRS = [
   ["Grip, let go", "close", "open"],
 ];
 
-const key = (text) => h("kbd", {}, text);
+const key = (/** @type {string} */ text) => h("kbd", {}, text);
 
-/** A table of keys; both columns do the same. */
+/**
+ * A table of keys; both columns do the same.
+ *
+ * @returns {HTMLTableElement}
+ */
 export function keyboardLegend() {
   return h(
     "table",
     { class: "legend" },
     h("caption", { class: "visually-hidden" }, "Keys that drive the robot"),
-    h("tbody", {}, LEGEND.map(([what, first, second]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))))),
+    h(
+      "tbody",
+      {},
+      LEGEND.map(([what, first, second]) =>
+        h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))),
+      ),
+    ),
   );
 }
 
-/** A table of the learned controls of a pad. */
+/**
+ * A table of the learned controls of a pad.
+ *
+ * @param {Mapping} mapping
+ * @returns {HTMLTableElement}
+ */
 export function padLegend(mapping) {
   return h(
     "table",
     { class: "legend" },
     h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
-    h("tbody", {}, PAIRS.map(([what, ...actions]) => h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, actions.map((action) => key(controlName(mapping[action]))))))),
+    h(
+      "tbody",
+      {},
+      PAIRS.map(([what, ...actions]) =>
+        h(
+          "tr",
+          {},
+          h("th", { scope: "row" }, what),
+          h(
+            "td",
+            {},
+            actions.map((action) => key(controlName(mapping[action]))),
+          ),
+        ),
+      ),
+    ),
   );
 }
 
-/** The legend of the device in use. */
+/**
+ * The legend of the device in use.
+ *
+ * @param {Input} input
+ * @returns {HTMLTableElement}
+ */
 export function legendFor(input) {
   return input.device === "gamepad" && input.pads.mapping ? padLegend(input.pads.mapping) : keyboardLegend();
 }

@@ -1,14 +1,24 @@
 // Practice and trials: the scene, what to do now, what the robot is doing, and the hands.
 
+import { h, icon, setText } from "../common/dom.js";
+import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { legendFor } from "./controls.js";
-import { h, icon, setText } from "../common/dom.js";
+import { pausedView } from "./forms.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { Scene } from "./scene.js";
-import { stepButton } from "../common/shell.js";
-import { pausedBody } from "./forms.js";
 
+/** @import { Instruction, Status, Tick } from "../../tests/javascript/wire.d.ts" */
+/** @import { IconName } from "../common/dom.js" */
+/** @import { CameraView } from "./scene.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
+/** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "ready" | Tick["status"]} Sign */
+/** @typedef {{ scene: string, views: CameraView[], instruction: Instruction | null, tasks: number, ready: boolean }} Driving */
+/** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
+/** @typedef {PageOf<Driving & { can_resume: boolean, text: string }, "paused">} PausedPage */
+
+/** @type {Record<Sign, [sign: IconName, text: string, hint: string]>} */
 const SIGNS = {
   lost: ["lost", "Connection lost", "The robot stands still until the connection is back."],
   paused: ["pause", "Paused", "Nothing moves and no time passes."],
@@ -24,104 +34,101 @@ const SIGNS = {
 const GRIPPER = { open: "Gripper open", closed: "Gripper closed", moving: "Gripper moving" };
 const NOTICE_MS = 7000;
 
+/** @implements {View} */
 export class DriveView {
+  /** @param {Context} context */
   constructor(context) {
     const { socket, input, sound, session } = context;
-    Object.assign(this, { context, socket, input, sound });
+    this.context = context;
+    this.socket = socket;
+    this.input = input;
+    this.sound = sound;
     this.scene = new Scene({ socket, session });
+    /** @type {DrivingPage | PausedPage | null} */
     this.page = null;
-    this.key = null;
+    this.key = "";
+    /** @type {Tick | null} */
     this.tick = null;
+    /** @type {Status["status"] | null} */
     this.status = null;
+    /** @type {AlertView | null} */
     this.alert = null;
-    this._build();
-    this._listeners = [
-      [socket, "tick", (event) => this._onTick(event.detail)],
-      [socket, "status", (event) => this._onStatus(event.detail)],
-      [socket, "instruction", (event) => this._instruct(event.detail)],
-      [socket, "state", () => this._refresh()],
-      [input, "device", (event) => this._device(event.detail)],
-      [sound, "state", () => this._refresh()],
-    ];
-    for (const [target, name, handler] of this._listeners) target.addEventListener(name, handler);
-  }
-
-  /** A page for practice_ready, practice, trial_ready, trial or paused. */
-  show(page) {
-    const before = this.page;
-    this.page = page;
-    if (page.state === "paused") {
-      if (this.key === null) {
-        // The first thing this tab sees of the round, after a reload.
-        this.key = `paused:${page.trial}`;
-        this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
-        if (page.content.instruction) this._instruct(page.content.instruction);
-        this._drawProgress(0, page.content.tasks);
-      }
-      this._overlay(pausedBody(this.context, page));
-    } else {
-      const { content } = page;
-      const part = page.state.replace("_ready", "");
-      const key = `${part}:${page.trial}`;
-      const resumed = this.key?.startsWith("paused:");
-      if (resumed) this.scene.key = key; // it is on the screen already
-      if (this.key !== key) {
-        this.key = key;
-        this.tick = null;
-        if (!resumed) this.alert?.clear();
-        this._drawProgress(0, content.tasks);
-      }
-      this.scene.show({ src: content.scene, key, views: content.views });
-      if (content.instruction) this._instruct(content.instruction);
-      this._overlay(page.state.endsWith("_ready") ? this._startCard(part) : null);
-      this.status = content.ready === false ? "starting" : null;
-    }
-    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused") this.region.focus({ preventScroll: true });
-    this._refresh();
-  }
-
-  /** Dialogs take the hands off too. */
-  dialog(open) {
-    this.dialogOpen = open;
-    this._refresh();
-    if (!open && this._driving()) this.region.focus({ preventScroll: true });
-  }
-
-  close() {
-    for (const [target, name, handler] of this._listeners) target.removeEventListener(name, handler);
-    this.input.drive(false);
-    this.alert?.close();
-    this.scene.close();
-    this.hands.close();
-    clearTimeout(this._noticeTimer);
-  }
-
-  _build() {
+    /** @type {HTMLButtonElement | null} */
+    this.start = null;
+    this.dialogOpen = false;
+    this._instruction = "";
+    this._noticeTimer = 0;
     this.signIcon = h("span", { class: "sign-icon" });
     this.signText = h("strong", {});
     this.signHint = h("span", { class: "sign-hint" });
-    this.sign = h("div", { class: "sign", role: "status", data: { testid: "state-sign" } }, this.signIcon, h("span", { class: "sign-words" }, this.signText, this.signHint));
+    this.sign = h(
+      "div",
+      { class: "sign", role: "status", data: { testid: "state-sign" } },
+      this.signIcon,
+      h("span", { class: "sign-words" }, this.signText, this.signHint),
+    );
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
     this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
     this.pictures = h("div", { class: "instruction-picture" });
-    this.instruction = h("section", { class: "side-card instruction", "aria-label": "What to do now" }, h("h2", { class: "visually-hidden" }, "What to do now"), h("div", { "aria-live": "assertive" }, this.words), this.pictures);
+    this.instruction = h(
+      "section",
+      { class: "side-card instruction", "aria-label": "What to do now" },
+      h("h2", { class: "visually-hidden" }, "What to do now"),
+      h("div", { "aria-live": "assertive" }, this.words),
+      this.pictures,
+    );
     this.progressText = h("p", { class: "progress-text", data: { testid: "progress" } });
     this.dots = h("div", { class: "dots", "aria-hidden": "true" });
     this.hintText = h("span", {});
-    this.hint = h("p", { class: "drive-hint", role: "status", data: { testid: "drive-hint" } }, icon("warning"), this.hintText);
+    this.hint = h(
+      "p",
+      { class: "drive-hint", role: "status", data: { testid: "drive-hint" } },
+      icon("warning"),
+      this.hintText,
+    );
     this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
     this.hands = indicator(this.input);
     this.legend = h("div", { class: "legend-box" });
-    this.soundButton = h("button", { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } }, icon("sound"), "Sound is off: turn it on");
+    this.soundButton = h(
+      "button",
+      { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } },
+      icon("sound"),
+      "Sound is off: turn it on",
+    );
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
     this.overlay = h("div", { class: "overlay", hidden: true });
-    this.region = h("div", { class: "drive-scene", tabindex: "-1", role: "group", "aria-label": "The robot. Keys drive it while the round is running." }, this.scene.element, this.soundButton, this.notice, this.hint, this.overlay);
-    this.side = h("aside", { class: "side", "aria-label": "What to do and what the robot is doing" }, this.sign, this.assist, this.instruction,
+    this.region = h(
+      "div",
+      {
+        class: "drive-scene",
+        tabindex: "-1",
+        role: "group",
+        "aria-label": "The robot. Keys drive it while the round is running.",
+      },
+      this.scene.element,
+      this.soundButton,
+      this.notice,
+      this.hint,
+      this.overlay,
+    );
+    this.side = h(
+      "aside",
+      { class: "side", "aria-label": "What to do and what the robot is doing" },
+      this.sign,
+      this.assist,
+      this.instruction,
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
-      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend));
-    this.hands.element.lastChild.append(this.gripper);
-    this.body = h("div", { class: "drive-body" }, h("h1", { class: "visually-hidden" }, "Driving the robot"), this.region, this.side);
+      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend),
+    );
+    this.hands.words.append(this.gripper);
+    this.body = h(
+      "div",
+      { class: "drive-body" },
+      h("h1", { class: "visually-hidden" }, "Driving the robot"),
+      this.region,
+      this.side,
+    );
     this.element = h("div", { class: "drive", data: { testid: "page-drive" } }, this.body);
     if (this.socket.welcome?.placement === "same_page_away") {
       this.alert = new AlertView({ socket: this.socket, sound: this.sound, away: true });
@@ -137,20 +144,102 @@ export class DriveView {
       });
     }
     this._drawLegend();
+    this._deafen = [
+      socket.on("tick", (event) => this._onTick(event.detail)),
+      socket.on("status", (event) => this._onStatus(event.detail)),
+      socket.on("instruction", (event) => this._instruct(event.detail)),
+      socket.on("state", () => this._refresh()),
+      input.on("device", (event) => this._device(event.detail)),
+      sound.on("state", () => this._refresh()),
+    ];
   }
 
-  _startCard(part) {
-    const practice = part === "practice";
-    const { trial, trials } = this.page;
+  /**
+   * A page for practice_ready, practice, trial_ready, trial or paused.
+   *
+   * @param {DrivingPage | PausedPage} page
+   * @returns {void}
+   */
+  show(page) {
+    const before = this.page;
+    this.page = page;
+    if (page.state === "paused") {
+      if (this.key === "") {
+        // The first thing this tab sees of the round, after a reload.
+        this.key = `paused:${page.trial}`;
+        this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
+        if (page.content.instruction) this._instruct(page.content.instruction);
+        this._drawProgress(0, page.content.tasks);
+      }
+      this._overlay(pausedView(this.context, page).element);
+    } else {
+      const { content } = page;
+      const part = page.state.replace("_ready", "");
+      const key = `${part}:${page.trial}`;
+      const resumed = this.key.startsWith("paused:");
+      if (resumed) this.scene.key = key; // it is on the screen already
+      if (this.key !== key) {
+        this.key = key;
+        this.tick = null;
+        if (!resumed) this.alert?.clear();
+        this._drawProgress(0, content.tasks);
+      }
+      this.scene.show({ src: content.scene, key, views: content.views });
+      if (content.instruction) this._instruct(content.instruction);
+      this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
+      this.status = content.ready === false ? "starting" : null;
+    }
+    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused")
+      this.region.focus({ preventScroll: true });
+    this._refresh();
+  }
+
+  /**
+   * Dialogs take the hands off too.
+   *
+   * @param {boolean} open
+   * @returns {void}
+   */
+  dialog(open) {
+    this.dialogOpen = open;
+    this._refresh();
+    if (!open && this._driving()) this.region.focus({ preventScroll: true });
+  }
+
+  /** @returns {void} */
+  close() {
+    for (const stop of this._deafen) stop();
+    this.input.drive(false);
+    this.alert?.close();
+    this.scene.close();
+    this.hands.close();
+    clearTimeout(this._noticeTimer);
+  }
+
+  /** @param {DrivingPage} page */
+  _startCard({ state, trial, trials }) {
+    const practice = state === "practice_ready";
     const title = practice ? "Practice first" : `Round ${trial} of ${trials}`;
     const text = practice
       ? "Pick up the block, move it and put it down again. Take your time; this part does not count."
       : "The robot is in place. When you press Start, the round begins.";
-    this.start = stepButton({ socket: this.socket, step: "start", label: practice ? "Start practice" : `Start round ${trial}`, busy: "Starting", kind: "primary large", testid: "start-button" });
-    const element = h("section", { class: "start-card", data: { testid: `page-${this.page.state}` } }, h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)), this.start);
-    return element;
+    this.start = stepButton({
+      socket: this.socket,
+      step: "start",
+      label: practice ? "Start practice" : `Start round ${trial}`,
+      busy: "Starting",
+      kind: "primary large",
+      testid: "start-button",
+    });
+    return h(
+      "section",
+      { class: "start-card", data: { testid: `page-${state}` } },
+      h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)),
+      this.start,
+    );
   }
 
+  /** @param {HTMLElement | null} content */
   _overlay(content) {
     this.overlay.hidden = content === null;
     this.overlay.className = content?.classList.contains("start-card") ? "overlay low" : "overlay";
@@ -158,6 +247,7 @@ export class DriveView {
     if (content) (content.querySelector("button") ?? content.querySelector("h1"))?.focus({ preventScroll: true });
   }
 
+  /** @param {Tick} tick */
   _onTick(tick) {
     if (!this._ticking()) return; // the last of a phase whose page is gone already
     this.tick = tick;
@@ -169,11 +259,13 @@ export class DriveView {
     this._refresh();
   }
 
+  /** @param {Status} message */
   _onStatus({ status }) {
     this.status = status;
     this._refresh();
   }
 
+  /** @param {Instruction} instruction */
   _instruct(instruction) {
     const text = JSON.stringify(instruction);
     if (text === this._instruction) return;
@@ -184,47 +276,68 @@ export class DriveView {
     this.pictures.replaceChildren(...instructionPicture(instruction));
   }
 
+  /**
+   * @param {number} done
+   * @param {number} tasks
+   */
   _drawProgress(done, tasks) {
+    if (!this.page) return;
     const { trial, trials } = this.page;
     const practice = this.key.startsWith("practice");
     const unknown = this.key.startsWith("paused:");
-    const where = unknown ? `Round ${trial} of ${trials}` : practice ? `Practice before round ${trial} of ${trials}` : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
+    const where = unknown
+      ? `Round ${trial} of ${trials}`
+      : practice
+        ? `Practice before round ${trial} of ${trials}`
+        : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
     setText(this.progressText, where);
-    if (this.dots.children.length !== tasks) this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
+    if (this.dots.children.length !== tasks)
+      this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
     [...this.dots.children].forEach((dot, index) => {
       dot.className = index < done ? "dot past" : index === done ? "dot present" : "dot";
     });
     this.dots.hidden = unknown || practice || tasks < 2;
   }
 
+  /** @param {string} text */
   _say(text) {
     clearTimeout(this._noticeTimer);
     this.notice.hidden = false;
     this.notice.replaceChildren(icon("info"), h("p", {}, text));
-    this._noticeTimer = setTimeout(() => (this.notice.hidden = true), NOTICE_MS);
+    this._noticeTimer = setTimeout(() => {
+      this.notice.hidden = true;
+    }, NOTICE_MS);
   }
 
+  /** @param {{ there: boolean }} pad */
   _device({ there }) {
     this._drawLegend();
-    this._say(there ? "The gamepad is back. You can use it again." : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.");
+    this._say(
+      there
+        ? "The gamepad is back. You can use it again."
+        : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.",
+    );
   }
 
   _drawLegend() {
     this.legend.replaceChildren(legendFor(this.input));
   }
 
+  /** @returns {boolean} */
   _ticking() {
     return this.page !== null && (this.page.state === "practice" || this.page.state === "trial");
   }
 
+  /** @returns {boolean} */
   _driving() {
     return this._ticking() && this.socket.open && this.status !== "paused" && !this.alert?.covering && !this.dialogOpen;
   }
 
+  /** @returns {Sign} */
   _state() {
     if (this.socket.state !== "open") return "lost";
-    if (this.page.state === "paused" || this.status === "paused") return "paused";
-    if (["held", "recovering", "starting"].includes(this.status)) return this.status;
+    if (this.page?.state === "paused" || this.status === "paused") return "paused";
+    if (this.status === "held" || this.status === "recovering" || this.status === "starting") return this.status;
     if (!this._ticking()) return "ready";
     if (this.tick && this.tick.status !== "running") return this.tick.status;
     return "running";
@@ -244,7 +357,8 @@ export class DriveView {
       const wait = state !== "ready";
       this.start.disabled = wait;
       this.start.title = wait ? "The robot is not in place yet." : "";
-      if (!wait && !this.overlay.hidden && document.activeElement === document.body) this.start.focus({ preventScroll: true });
+      if (!wait && !this.overlay.hidden && document.activeElement === document.body)
+        this.start.focus({ preventScroll: true });
     }
     const blocked = state === "running" && this.tick?.blocked;
     setText(this.hintText, blocked ? "Cannot move further that way" : "");
@@ -254,7 +368,9 @@ export class DriveView {
     this.assist.hidden = assisting === null;
     if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");
     this.soundButton.hidden = this.sound.ready || this.alert === null;
-    this.alert?.pause(state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting");
+    this.alert?.pause(
+      state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",
+    );
     this.alert?.conceal(this.page.state === "paused");
     this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
     this.input.drive(this._driving());

@@ -1,20 +1,35 @@
 // The participant's page: one socket, one pair of hands, and a view for each state of the study.
 
-import { legendFor } from "./controls.js";
-import { DriveView } from "./drive.js";
 import { h } from "../common/dom.js";
-import { breakView, consentView, debriefView, demographicsView, endView, instructionsView, pausedBody } from "./forms.js";
-import { eligibilityView } from "./eligibility.js";
+import { sessionOfPage, socketUrl } from "../common/root.js";
+import { ask, card, Shell } from "../common/shell.js";
 import { Pads } from "../hands/gamepad.js";
 import { Input } from "../hands/input.js";
 import { Keyboard } from "../hands/keyboard.js";
-import { setupView } from "./setup.js";
-import { ask, card, Shell } from "../common/shell.js";
-import { sessionOfPage, socketUrl } from "../common/root.js";
-import { LabSocket } from "../wire/socket.js";
 import { Sound } from "../readings/sound.js";
+import { LabSocket } from "../wire/socket.js";
+import { legendFor } from "./controls.js";
+import { DriveView } from "./drive.js";
+import { eligibilityView } from "./eligibility.js";
+import {
+  breakView,
+  consentView,
+  debriefView,
+  demographicsView,
+  endView,
+  instructionsView,
+  pausedView,
+} from "./forms.js";
+import { setupView } from "./setup.js";
 import { surveyView } from "./survey.js";
 
+/** @import { Page } from "../../tests/javascript/wire.d.ts" */
+/** @import { ConnectionState, Question } from "../common/shell.js" */
+/** @import { DrivingPage, PausedPage } from "./drive.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
+/** @typedef {(context: Context, page: PageOf<never, never>) => View} MakesView each takes the content of its own state */
+
+/** @type {Record<string, MakesView>} */
 const VIEWS = {
   eligibility: eligibilityView,
   consent: consentView,
@@ -28,6 +43,7 @@ const VIEWS = {
   withdrawn: endView,
   aborted: endView,
   screened_out: endView,
+  paused: pausedView,
 };
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
@@ -39,11 +55,19 @@ const keyboard = new Keyboard();
 const pads = new Pads();
 const input = new Input({ socket, keyboard, pads, session });
 const shell = new Shell({ socket, onHelp: help, onStop: stop });
+/** @type {Context} */
 const context = { session, socket, sound, keyboard, pads, input, closeDialogs };
 
-let view = null; // {element, close?} or a DriveView
+/** @type {View | null} */
+let view = null;
+/** @type {string | null} */
 let shown = null; // identity of what is on the page
 
+/**
+ * @param {View} next
+ * @param {string} identity
+ * @returns {void}
+ */
 function replace(next, identity) {
   if (next !== view) view?.close?.();
   view = next;
@@ -57,25 +81,54 @@ function replace(next, identity) {
   }
 }
 
+/**
+ * Whether the scene is on the screen: while there is a robot to see, and in a pause that began there.
+ *
+ * @param {Page} page
+ * @returns {page is DrivingPage | PausedPage}
+ */
+function isDriving(page) {
+  if (page.state === "paused") return view instanceof DriveView || Boolean(page.content.scene);
+  return DRIVING.has(page.state);
+}
+
+/**
+ * @param {Page} page
+ * @returns {void}
+ */
 function showPage(page) {
   shell.rest(OVER.has(page.state));
-  shell.offer({ help: !OVER.has(page.state), stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility" });
-  if (DRIVING.has(page.state) || (page.state === "paused" && (view instanceof DriveView || page.content.scene))) {
-    if (!(view instanceof DriveView)) replace(new DriveView(context), "drive");
-    view.show(page);
+  shell.offer({
+    help: !OVER.has(page.state),
+    stop: !OVER.has(page.state) && page.state !== "consent" && page.state !== "eligibility",
+  });
+  if (isDriving(page)) {
+    const drive = view instanceof DriveView ? view : new DriveView(context);
+    if (view !== drive) replace(drive, "drive");
+    drive.show(page);
     return;
   }
   const identity = `${page.state}:${page.trial}:${JSON.stringify(page.content)}`;
   if (identity === shown) return; // the same page again after a reconnect: what was typed stays
-  if (page.state === "paused") replace({ element: pausedBody(context, page) }, identity);
-  else if (VIEWS[page.state]) replace(VIEWS[page.state](context, page), identity);
-  else replace({ element: card({ title: "One moment", lines: [`The study is in a part this page does not know (${page.state}). Please reload the page.`] }) }, identity);
+  const makesView = VIEWS[page.state] ?? unknownView;
+  replace(makesView(context, /** @type {PageOf<never, never>} */ (page)), identity);
 }
 
+/** @type {MakesView} */
+function unknownView(_context, { state }) {
+  const line = `The study is in a part this page does not know (${state}). Please reload the page.`;
+  return { element: card({ title: "One moment", lines: [line] }) };
+}
+
+/** @returns {void} */
 function closeDialogs() {
-  for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
+  for (const dialog of document.querySelectorAll("dialog")) dialog.close();
 }
 
+/**
+ * @param {Question} question
+ * @returns {Promise<string | null>}
+ */
 async function withDialog(question) {
   view?.dialog?.(true);
   try {
@@ -90,7 +143,9 @@ async function help() {
   const text = await withDialog({
     title: "Help",
     text: driving
-      ? ["Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next."]
+      ? [
+          "Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next.",
+        ]
       : ["Read the page at your own pace. Everything you answer is saved when you press the button at its end."],
     extra: driving ? h("div", { class: "legend-box" }, legendFor(input)) : null,
     field: { label: "Do you need the experimenter? Say what is wrong (optional).", required: false },
@@ -108,7 +163,9 @@ async function help() {
 async function stop() {
   const reason = await withDialog({
     title: "Stop taking part?",
-    text: ["You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again."],
+    text: [
+      "You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again.",
+    ],
     field: { label: "If you like, tell us why (optional).", required: false },
     confirm: "Stop taking part",
     back: "Go on",
@@ -118,39 +175,82 @@ async function stop() {
   if (reason !== null) socket.submit("withdraw", { reason: reason || null }).catch(() => {});
 }
 
+/**
+ * @param {ConnectionState} state
+ * @returns {void}
+ */
 function final(state) {
-  const again = h("button", { type: "button", class: "primary large", data: { testid: "take-over" } }, "Use this tab instead");
+  const again = h(
+    "button",
+    { type: "button", class: "primary large", data: { testid: "take-over" } },
+    "Use this tab instead",
+  );
   again.addEventListener("click", () => {
     shown = null;
     socket.takeOver();
   });
   const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
   reload.addEventListener("click", () => location.reload());
+  /** @type {Partial<Record<ConnectionState, Parameters<typeof card>[0]>>} */
   const pages = {
-    superseded: { title: "The study is open in another tab", lines: ["This tab has stopped. Go on in the other one and close this one, or bring the study back here."], actions: [again], testid: "page-superseded" },
-    denied: { title: "This link does not work any more", lines: ["Open the link you were given once more. If it still does not work, ask the person who gave it to you."], actions: [], testid: "page-denied" },
-    outdated: { title: "This page is out of date", lines: ["The lab has been updated. Reload the page to go on; nothing is lost."], actions: [reload], testid: "page-outdated" },
+    superseded: {
+      title: "The study is open in another tab",
+      lines: ["This tab has stopped. Go on in the other one and close this one, or bring the study back here."],
+      actions: [again],
+      testid: "page-superseded",
+    },
+    denied: {
+      title: "This link does not work any more",
+      lines: ["Open the link you were given once more. If it still does not work, ask the person who gave it to you."],
+      actions: [],
+      testid: "page-denied",
+    },
+    outdated: {
+      title: "This page is out of date",
+      lines: ["The lab has been updated. Reload the page to go on; nothing is lost."],
+      actions: [reload],
+      testid: "page-outdated",
+    },
   };
-  if (!pages[state]) return;
+  const words = pages[state];
+  if (!words) return;
   closeDialogs();
   shell.offer({ help: false, stop: false });
-  replace({ element: card({ sign: "warning", ...pages[state] }) }, state);
+  replace({ element: card({ sign: "warning", ...words }) }, state);
 }
 
-/** The lab's messages about a field go on from its name ("must be …"). */
+/**
+ * The lab's messages about a field go on from its name ("must be …").
+ *
+ * @param {string | null} field
+ * @param {string} message
+ * @returns {string}
+ */
 function sentence(field, message) {
   return field && /^[a-z]/.test(message) ? `${field} ${message}` : message;
 }
 
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
-socket.addEventListener("notice", (event) => shell.toasts.show(`From the experimenter: ${event.detail.text}`, { stays: true, onDismiss: () => socket.note("message_dismissed") }));
+socket.addEventListener("notice", (event) =>
+  shell.toasts.show(`From the experimenter: ${event.detail.text}`, {
+    stays: true,
+    onDismiss: () => socket.note("message_dismissed"),
+  }),
+);
 socket.addEventListener("refused", (event) => {
   const { stale, message, code, id, field } = event.detail;
   // What a person cannot act on: a step of an earlier visit, an input that came a moment too late.
   if (stale || (!id && (code === "out_of_order" || code === "illegal"))) return console.warn("refused:", message);
   // Deferred, so that a form can say it beside its question instead.
-  queueMicrotask(() => event.defaultPrevented || shell.toasts.show(code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message), { problem: true }));
+  queueMicrotask(
+    () =>
+      event.defaultPrevented ||
+      shell.toasts.show(
+        code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message),
+        { problem: true },
+      ),
+  );
 });
 input.addEventListener("device", (event) => {
   if (view instanceof DriveView) return;
@@ -158,8 +258,26 @@ input.addEventListener("device", (event) => {
 });
 
 document.body.append(shell.element);
-replace({ element: card({ title: "One moment", lines: ["Connecting to the lab."], sign: "hourglass", testid: "page-connecting" }) }, "connecting");
+replace(
+  {
+    element: card({
+      title: "One moment",
+      lines: ["Connecting to the lab."],
+      sign: "hourglass",
+      testid: "page-connecting",
+    }),
+  },
+  "connecting",
+);
 socket.connect();
 
-/** For tests, and for whoever opens the console. */
-window.salab = { socket, input, pads, sound, get page() { return shown; } };
+// For tests, and for whoever opens the console.
+window.salab = {
+  socket,
+  input,
+  pads,
+  sound,
+  get page() {
+    return shown;
+  },
+};

@@ -2,13 +2,47 @@
 
 import { freshId, h, icon, setText } from "../common/dom.js";
 
-/** {id, element, value(), fail(text), clear(), focus(), required} for {id, prompt, kind, options, required}. */
-export function question({ id, prompt, kind = "choice", options = [], required = true }, { kept = null, onChange = () => {}, optionalNote = true } = {}) {
+/** @import { Child } from "../common/dom.js" */
+/** @import { LabSocket } from "../wire/socket.js" */
+/** @typedef {string | number | null} Answer null for none */
+/**
+ * @typedef {object} Asked a question as the study file has it
+ * @property {string} id
+ * @property {string} prompt
+ * @property {"choice" | "text" | "number" | "long"} [kind]
+ * @property {{ id: string, label: string }[]} [options]
+ * @property {boolean} [required]
+ */
+/**
+ * @typedef {object} Question a question as it stands on the page
+ * @property {string} id
+ * @property {boolean} required
+ * @property {HTMLElement} element
+ * @property {() => Answer} value
+ * @property {() => void} clear takes its error away
+ * @property {(text: string) => void} fail shows an error
+ * @property {() => boolean} failed whether it shows one
+ * @property {() => void} focus
+ */
+/** @typedef {{ element: HTMLElement, controls: (HTMLInputElement | HTMLTextAreaElement)[], value: () => Answer }} Controls */
+/** @typedef {Required<Pick<Asked, "id" | "prompt">> & { kept: Answer, errorId: string, note: Child }} Framed */
+
+/**
+ * Puts a question on the page. `kept` is what was answered before a reload.
+ *
+ * @param {Asked} asked
+ * @param {{ kept: Answer, onChange: (id: string, value: Answer) => void }} answering
+ * @returns {Question}
+ */
+export function question({ id, prompt, kind = "choice", options = [], required = true }, { kept, onChange }) {
   const errorId = freshId("error");
   const errorText = h("span", {});
   const error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true }, icon("warning"), errorText);
-  const note = optionalNote && !required ? h("span", { class: "optional" }, " (optional)") : null;
-  const made = kind === "choice" ? choice({ id, prompt, options, kept, errorId, note }) : typed({ id, prompt, kind, kept, errorId, note });
+  const note = !required ? h("span", { class: "optional" }, " (optional)") : null;
+  const made =
+    kind === "choice"
+      ? choice({ id, prompt, options, kept, errorId, note })
+      : typed({ id, prompt, kind, kept, errorId, note });
   made.element.append(error);
   made.element.addEventListener("input", () => {
     clear();
@@ -25,6 +59,7 @@ export function question({ id, prompt, kind = "choice", options = [], required =
     element: made.element,
     value: made.value,
     clear,
+    failed: () => !error.hidden,
     fail(text) {
       setText(errorText, text);
       error.hidden = false;
@@ -33,27 +68,41 @@ export function question({ id, prompt, kind = "choice", options = [], required =
     },
     focus() {
       made.element.scrollIntoView({ block: "center" });
-      (made.controls.find((control) => control.checked) ?? made.controls[0])?.focus({ preventScroll: true });
+      const chosen = made.controls.find((control) => control instanceof HTMLInputElement && control.checked);
+      (chosen ?? made.controls[0])?.focus({ preventScroll: true });
     },
   };
 }
 
+/**
+ * @param {Framed & { options: { id: string, label: string }[] }} framed
+ * @returns {Controls}
+ */
 function choice({ id, prompt, options, kept, errorId, note }) {
   const name = freshId("choice");
-  const controls = options.map((option) => {
+  const choices = options.map((option) => {
     const radio = h("input", { type: "radio", name, value: option.id, "aria-describedby": errorId });
     radio.checked = kept === option.id;
-    return radio;
+    return { radio, label: h("label", { class: "option" }, radio, h("span", {}, option.label)) };
   });
+  const controls = choices.map((one) => one.radio);
   const element = h(
     "fieldset",
     { class: "question", data: { testid: `question-${id}` } },
     h("legend", {}, prompt, note),
-    h("div", { class: "options" }, controls.map((radio, index) => h("label", { class: "option" }, radio, h("span", {}, options[index].label)))),
+    h(
+      "div",
+      { class: "options" },
+      choices.map((one) => one.label),
+    ),
   );
   return { element, controls, value: () => controls.find((radio) => radio.checked)?.value ?? null };
 }
 
+/**
+ * @param {Framed & { kind: "text" | "number" | "long" }} framed
+ * @returns {Controls}
+ */
 function typed({ id, prompt, kind, kept, errorId, note }) {
   const fieldId = freshId("field");
   const control =
@@ -62,8 +111,13 @@ function typed({ id, prompt, kind, kept, errorId, note }) {
       : kind === "long"
         ? h("textarea", { id: fieldId, rows: 4, maxlength: 5000, "aria-describedby": errorId })
         : h("input", { id: fieldId, type: "text", maxlength: 500, autocomplete: "off", "aria-describedby": errorId });
-  if (kept !== null) control.value = kept;
-  const element = h("div", { class: "question field", data: { testid: `question-${id}` } }, h("label", { for: fieldId }, prompt, note), control);
+  if (kept !== null) control.value = String(kept);
+  const element = h(
+    "div",
+    { class: "question field", data: { testid: `question-${id}` } },
+    h("label", { for: fieldId }, prompt, note),
+    control,
+  );
   const value = () => {
     const text = control.value.trim();
     if (text === "") return null;
@@ -72,7 +126,12 @@ function typed({ id, prompt, kind, kept, errorId, note }) {
   return { element, controls: [control], value };
 }
 
-/** Marks what is required and empty; returns whether all is there, and moves focus to the first gap. */
+/**
+ * Marks what is required and empty; returns whether all is there, and moves focus to the first gap.
+ *
+ * @param {Question[]} questions
+ * @returns {boolean}
+ */
 export function checkAll(questions) {
   const missing = questions.filter((one) => one.required && (one.value() === null || Number.isNaN(one.value())));
   for (const one of missing) one.fail("Please answer this question.");
@@ -80,22 +139,30 @@ export function checkAll(questions) {
   return missing.length === 0;
 }
 
-/** {question: value} without the empty ones. */
+/**
+ * {question: value} without the empty ones.
+ *
+ * @param {Question[]} questions
+ * @returns {Record<string, Answer>}
+ */
 export function valuesOf(questions) {
   return Object.fromEntries(questions.map((one) => [one.id, one.value()]).filter(([, value]) => value !== null));
 }
 
-/** Shows the lab's refusals of `answers.<id>` beside their questions. Returns a function that stops listening. */
+/**
+ * Shows the lab's refusals of `answers.<id>` beside their questions. Returns a function that stops listening.
+ *
+ * @param {LabSocket} socket
+ * @param {Question[]} questions
+ * @returns {() => void}
+ */
 export function showRefusals(socket, questions) {
-  const listen = (event) => {
-    const ids = [...String(event.detail.field ?? "").matchAll(/answers\.([^,\s]+)/g)].map((match) => match[1]);
+  return socket.on("refused", (event) => {
+    const ids = [...(event.detail.field ?? "").matchAll(/answers\.([^,\s]+)/g)].map((match) => match[1]);
     const wrong = questions.filter((one) => ids.includes(one.id));
     if (wrong.length === 0) return;
     event.preventDefault(); // shown here, so no toast
     for (const one of wrong) one.fail(event.detail.message.replace(/^(?=[a-z])/, "This answer "));
-    const first = questions.find((one) => !one.element.querySelector(".field-error").hidden);
-    first?.focus();
-  };
-  socket.addEventListener("refused", listen);
-  return () => socket.removeEventListener("refused", listen);
+    questions.find((one) => one.failed())?.focus();
+  });
 }

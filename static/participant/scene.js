@@ -4,6 +4,9 @@ import { h, icon, setText } from "../common/dom.js";
 import { labUrl } from "../common/root.js";
 import { tab } from "../common/store.js";
 
+/** @import { LabSocket } from "../wire/socket.js" */
+/** @typedef {{ name: string, label: string }} CameraView */
+
 const SIGNS = {
   lost: "Connection lost. What you see is old; the robot stands still. Trying again.",
   stale: "The picture of the robot stopped. Connecting to it again.",
@@ -11,42 +14,63 @@ const SIGNS = {
 };
 
 export class Scene {
+  /** @param {{ socket: LabSocket, session: string }} wiring */
   constructor({ socket, session }) {
     this.socket = socket;
     this.viewKey = `${session}:view`;
-    this.frame = h("iframe", { class: "scene-frame", title: "The robot, the table and the bins", tabindex: "-1", inert: true, data: { testid: "scene-frame" } });
+    this.frame = h("iframe", {
+      class: "scene-frame",
+      title: "The robot, the table and the bins",
+      tabindex: "-1",
+      inert: true,
+      data: { testid: "scene-frame" },
+    });
     this.signText = h("p", {});
     this.signIcon = h("span", { class: "scene-sign-icon" });
-    this.sign = h("div", { class: "scene-sign", role: "status", data: { testid: "scene-sign" } }, this.signIcon, this.signText);
+    this.sign = h(
+      "div",
+      { class: "scene-sign", role: "status", data: { testid: "scene-sign" } },
+      this.signIcon,
+      this.signText,
+    );
     this.views = h("div", { class: "views", role: "group", "aria-label": "Camera view" });
     this.element = h("div", { class: "scene", data: { testid: "scene" } }, this.frame, this.sign, this.views);
+    /** @type {string | null} */
     this.key = null;
+    /** @type {string | null} */
     this.src = null;
+    /** @type {string | null} */
+    this._names = null; // of the views that are drawn; null before any are
     this._drawn = false;
     this._sceneLost = false;
     // The frame tells whether it is connected (app/web/scene_proxy.py).
+    /** @type {(event: MessageEvent) => void} */
     this._message = (event) => {
       if (event.source !== this.frame.contentWindow || event.data?.type !== "scene") return;
       this._sceneLost = !event.data.connected;
       if (event.data.connected) {
         this._drawn = true;
-        const view = tab.get(this.viewKey);
+        const view = this._keptView();
         if (view) this.socket.send({ type: "view", name: view }); // a new scene starts with the first one
       }
       this._update();
     };
     addEventListener("message", this._message);
-    this._state = () => this._update();
-    socket.addEventListener("state", this._state);
+    this._deafen = socket.on("state", () => this._update());
     this._update();
   }
 
-  /** `key` changes when another worker draws (practice, each trial): the frame is then loaded anew. */
+  /**
+   * `key` changes when another worker draws (practice, each trial): the frame is then loaded anew.
+   *
+   * @param {{ src: string, key: string, views: CameraView[] }} scene
+   * @returns {void}
+   */
   show({ src, key, views }) {
-    const names = (views ?? []).map((view) => view.name).join();
+    const names = views.map((view) => view.name).join();
     if (names !== this._names) {
       this._names = names;
-      this._drawViews(views ?? []);
+      this._drawViews(views);
     }
     if (!src || (src === this.src && key === this.key)) return;
     this.src = src;
@@ -57,16 +81,32 @@ export class Scene {
     this._update();
   }
 
+  /** @returns {void} */
   close() {
     removeEventListener("message", this._message);
-    this.socket.removeEventListener("state", this._state);
+    this._deafen();
   }
 
+  /** @returns {string | null} */
+  _keptView() {
+    return tab.get(this.viewKey, null);
+  }
+
+  /** @param {CameraView[]} views */
   _drawViews(views) {
-    const kept = tab.get(this.viewKey);
+    const kept = this._keptView();
     const shown = views.some((view) => view.name === kept) ? kept : views[0]?.name;
     const buttons = views.map((view) => {
-      const button = h("button", { type: "button", class: "view", "aria-pressed": view.name === shown ? "true" : "false", data: { testid: `view-${view.name}` } }, view.label);
+      const button = h(
+        "button",
+        {
+          type: "button",
+          class: "view",
+          "aria-pressed": view.name === shown ? "true" : "false",
+          data: { testid: `view-${view.name}` },
+        },
+        view.label,
+      );
       button.addEventListener("click", () => {
         if (!this.socket.send({ type: "view", name: view.name })) return;
         for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));

@@ -1,50 +1,111 @@
 // Set-up: how to drive (gamepad or keyboard, equal), a live test, sound, and the second device where there is one.
 
-import { calibrate } from "../hands/calibration.js";
-import { keyboardLegend, padLegend } from "./controls.js";
 import { copyButton } from "../common/copy.js";
 import { h, icon, setText, whileBusy } from "../common/dom.js";
-import { remembered, remember } from "../hands/gamepad.js";
-import { indicator } from "./indicator.js";
-import { DEAD_ZONE } from "../hands/mapping.js";
 import { card } from "../common/shell.js";
+import { calibrate } from "../hands/calibration.js";
+import { remember, remembered } from "../hands/gamepad.js";
+import { DEAD_ZONE } from "../hands/mapping.js";
+import { keyboardLegend, padLegend } from "./controls.js";
+import { indicator } from "./indicator.js";
 
+/** @import { Child } from "../common/dom.js" */
+/** @import { ChosenDevice } from "../hands/keyboard.js" */
+/** @import { Mapping } from "../hands/mapping.js" */
+/** @import { Context, PageOf, View } from "./view.js" */
+/**
+ * @typedef {object} Content
+ * @property {"second_device" | "same_page_away" | "none"} placement
+ * @property {string | null} panel_link
+ * @property {"any" | "preferred" | "required"} [gamepad]
+ * @property {boolean} [needs_sound]
+ */
+/**
+ * @typedef {object} Chosen
+ * @property {ChosenDevice["device"] | null} device
+ * @property {string | null} padId
+ * @property {Mapping | null} mapping
+ * @property {number} deadZone
+ * @property {boolean | null} sound null until the person has said whether they hear it
+ */
+
+/**
+ * @param {number} number
+ * @param {string} title
+ * @param {string} testid
+ */
 function section(number, title, testid) {
   const state = h("span", { class: "done-mark", role: "status" });
   const body = h("div", {});
-  const element = h("section", { class: "setup-step", data: { testid } }, h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state), body);
-  const done = (text) => {
+  const element = h(
+    "section",
+    { class: "setup-step", data: { testid } },
+    h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state),
+    body,
+  );
+  const done = (/** @type {string} */ text) => {
     state.replaceChildren(...(text ? [icon("check"), text] : []));
     element.classList.toggle("done", Boolean(text));
   };
   return { element, body, done };
 }
 
+/**
+ * @param {Context} context
+ * @param {PageOf<Content>} page
+ * @returns {View}
+ */
 export function setupView({ socket, input, pads, keyboard, sound }, page) {
   const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
-  const closers = [];
-  const chosen = { device: input.chosen, padId: pads.padId, mapping: pads.mapping, deadZone: pads.deadZone, sound: null };
+  /** @type {Chosen} */
+  const chosen = {
+    device: input.chosen,
+    padId: pads.padId,
+    mapping: pads.mapping,
+    deadZone: pads.deadZone,
+    sound: null,
+  };
   const drive = section(1, "How do you want to drive?", "setup-drive");
   const hear = section(2, "Can you hear the alarm?", "setup-sound");
-  const second = panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
+  const second =
+    panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
 
   const driveDetail = h("div", { class: "setup-detail" });
-  const cards = [
-    ["gamepad", "Gamepad", `${gamepad === "preferred" ? "Recommended. " : ""}Any pad with a stick or a cross, and a few buttons`],
+  const recommended = gamepad === "preferred" ? "Recommended. " : "";
+  /** @type {[device: ChosenDevice["device"], label: string, hint: string][]} */
+  const devices = [
+    ["gamepad", "Gamepad", `${recommended}Any pad with a stick or a cross, and a few buttons`],
     ["keyboard", "Keyboard", "Letters or arrow keys"],
-  ].filter(([device]) => device === "gamepad" || gamepad !== "required").map(([device, label, hint]) => {
-    const radio = h("input", { type: "radio", name: "device", value: device });
-    radio.checked = chosen.device === device;
-    radio.addEventListener("change", () => choose(device));
-    return h("label", { class: "device-card", data: { testid: `device-${device}` } }, radio, icon(device), h("span", {}, h("strong", {}, label), h("small", {}, hint)));
-  });
-  const driveError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}));
-  drive.body.append(h("fieldset", { class: "device-cards" }, h("legend", { class: "visually-hidden" }, "Controls"), cards), driveDetail, driveError);
+  ];
+  const radios = devices
+    .filter(([device]) => device === "gamepad" || gamepad !== "required")
+    .map(([device, label, hint]) => {
+      const radio = h("input", { type: "radio", name: "device", value: device });
+      radio.checked = chosen.device === device;
+      radio.addEventListener("change", () => choose(device));
+      const element = h(
+        "label",
+        { class: "device-card", data: { testid: `device-${device}` } },
+        radio,
+        icon(device),
+        h("span", {}, h("strong", {}, label), h("small", {}, hint)),
+      );
+      return { radio, element };
+    });
+  const driveErrorText = h("span", {});
+  const driveError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), driveErrorText);
+  drive.body.append(
+    h(
+      "fieldset",
+      { class: "device-cards" },
+      h("legend", { class: "visually-hidden" }, "Controls"),
+      radios.map((one) => one.element),
+    ),
+    driveDetail,
+    driveError,
+  );
 
-  function ready() {
-    return chosen.device === "keyboard" || (chosen.device === "gamepad" && chosen.mapping !== null && chosen.padId !== null);
-  }
-
+  /** @param {ChosenDevice["device"]} device */
   function choose(device) {
     chosen.device = device;
     driveError.hidden = true;
@@ -52,7 +113,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     if (device === "keyboard") {
       input.choose("keyboard");
       showTest(keyboardLegend());
-    } else if (chosen.mapping && chosen.padId && pads.find(chosen.padId)) padReady();
+    } else if (chosen.mapping && chosen.padId && pads.find(chosen.padId)) padReady(chosen.padId, chosen.mapping);
     else startCalibration();
   }
 
@@ -69,18 +130,29 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       onDone: ({ padId, mapping, deadZone }) => {
         Object.assign(chosen, { padId, mapping, deadZone });
         remember(padId, mapping, deadZone);
-        padReady();
+        padReady(padId, mapping);
       },
     });
     stopDetail = steps.close;
     driveDetail.replaceChildren(steps.element);
   }
 
-  function padReady() {
+  /**
+   * @param {string} padId
+   * @param {Mapping} mapping
+   */
+  function padReady(padId, mapping) {
     stopDetail();
-    const { padId, mapping } = chosen;
     input.choose("gamepad", { padId, mapping, deadZone: chosen.deadZone });
-    const zone = h("input", { type: "range", id: "dead-zone", min: DEAD_ZONE.min, max: DEAD_ZONE.max, step: 0.05, value: String(chosen.deadZone), data: { testid: "dead-zone" } });
+    const zone = h("input", {
+      type: "range",
+      id: "dead-zone",
+      min: DEAD_ZONE.min,
+      max: DEAD_ZONE.max,
+      step: 0.05,
+      value: String(chosen.deadZone),
+      data: { testid: "dead-zone" },
+    });
     const shown = h("output", { for: "dead-zone" }, `${Math.round(chosen.deadZone * 100)} %`);
     zone.addEventListener("input", () => {
       chosen.deadZone = Number(zone.value);
@@ -88,19 +160,52 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       pads.deadZone = chosen.deadZone;
       remember(padId, mapping, chosen.deadZone);
     });
-    const again = h("button", { type: "button", class: "secondary small", data: { testid: "calibrate-again" } }, icon("reset"), "Set up the pad again");
+    const again = h(
+      "button",
+      { type: "button", class: "secondary small", data: { testid: "calibrate-again" } },
+      icon("reset"),
+      "Set up the pad again",
+    );
     again.addEventListener("click", () => startCalibration({ anew: true }));
-    const dead = h("div", { class: "field inline" }, h("label", { for: "dead-zone" }, "Push a stick at least this far"), zone, shown);
+    const dead = h(
+      "div",
+      { class: "field inline" },
+      h("label", { for: "dead-zone" }, "Push a stick at least this far"),
+      zone,
+      shown,
+    );
     showTest([padLegend(mapping), dead, again]);
   }
 
+  /** @param {Child} legend */
   function showTest(legend) {
     const hands = indicator(input);
-    const press = h("p", { class: "test-gripper", role: "status", data: { testid: "test-gripper" } }, "Gripper: nothing pressed yet");
-    const onGripper = (event) => setText(press, `Gripper: ${event.detail} pressed`);
-    input.addEventListener("gripper", onGripper);
-    const area = h("div", { class: "test-area", tabindex: "0", role: "group", "aria-label": "Try the controls here", data: { testid: "test-area" } }, h("p", { class: "test-title" }, "Try it here"), hands.element, press,
-      h("p", { class: "hint" }, chosen.device === "keyboard" ? "Click here (or press Tab to get here), then press the keys." : "Move the sticks and press the buttons."));
+    const press = h(
+      "p",
+      { class: "test-gripper", role: "status", data: { testid: "test-gripper" } },
+      "Gripper: nothing pressed yet",
+    );
+    const deafen = input.on("gripper", (event) => setText(press, `Gripper: ${event.detail} pressed`));
+    const area = h(
+      "div",
+      {
+        class: "test-area",
+        tabindex: "0",
+        role: "group",
+        "aria-label": "Try the controls here",
+        data: { testid: "test-area" },
+      },
+      h("p", { class: "test-title" }, "Try it here"),
+      hands.element,
+      press,
+      h(
+        "p",
+        { class: "hint" },
+        chosen.device === "keyboard"
+          ? "Click here (or press Tab to get here), then press the keys."
+          : "Move the sticks and press the buttons.",
+      ),
+    );
     driveDetail.replaceChildren(h("div", { class: "setup-columns" }, h("div", {}, legend), area));
     keyboard.listen(area);
     if (chosen.device === "keyboard") area.focus({ preventScroll: true });
@@ -108,46 +213,105 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
     stopDetail = () => {
       keyboard.listen(null);
       hands.close();
-      input.removeEventListener("gripper", onGripper);
+      deafen();
       stopDetail = () => {};
     };
   }
 
   const heard = h("p", { class: "hint", role: "status", data: { testid: "sound-result" } });
-  const play = h("button", { type: "button", class: "secondary", data: { testid: "sound-play" } }, icon("sound"), "Play the alarm");
-  const yes = h("button", { type: "button", class: "secondary", hidden: true, data: { testid: "sound-yes" } }, "I heard it");
-  const no = h("button", { type: "button", class: "secondary", hidden: true, data: { testid: "sound-no" } }, "I heard nothing");
-  const hearError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), h("span", {}, "Play the alarm and say whether you heard it."));
+  const play = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "sound-play" } },
+    icon("sound"),
+    "Play the alarm",
+  );
+  const yes = h(
+    "button",
+    { type: "button", class: "secondary", hidden: true, data: { testid: "sound-yes" } },
+    "I heard it",
+  );
+  const no = h(
+    "button",
+    { type: "button", class: "secondary", hidden: true, data: { testid: "sound-no" } },
+    "I heard nothing",
+  );
+  const hearError = h(
+    "p",
+    { class: "field-error", role: "alert", hidden: true },
+    icon("warning"),
+    h("span", {}, "Play the alarm and say whether you heard it."),
+  );
   play.addEventListener("click", async () => {
     const sounded = await sound.alarm();
-    yes.hidden = no.hidden = false;
-    setText(heard, sounded ? "It is playing now. Did you hear it?" : "This browser did not let the sound through. Press the button once more.");
+    yes.hidden = false;
+    no.hidden = false;
+    setText(
+      heard,
+      sounded
+        ? "It is playing now. Did you hear it?"
+        : "This browser did not let the sound through. Press the button once more.",
+    );
   });
   yes.addEventListener("click", () => sayHeard(true));
   no.addEventListener("click", () => sayHeard(false));
+  /** @param {boolean} value */
   function sayHeard(value) {
     chosen.sound = value;
     hearError.hidden = true;
     hear.done(value ? "Heard" : "Not heard");
-    setText(heard, value ? "Good. Keep the volume as it is." : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`);
+    setText(
+      heard,
+      value
+        ? "Good. Keep the volume as it is."
+        : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`,
+    );
   }
-  hear.body.append(h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."), h("div", { class: "actions" }, play, yes, no), heard, hearError);
+  hear.body.append(
+    h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."),
+    h("div", { class: "actions" }, play, yes, no),
+    heard,
+    hearError,
+  );
 
   if (second) {
-    const link = h("input", { type: "text", readonly: true, value: panel_link ?? "", "aria-label": "Link for the second device", class: "link-field", data: { testid: "panel-link" } });
+    const link = h("input", {
+      type: "text",
+      readonly: true,
+      value: panel_link ?? "",
+      "aria-label": "Link for the second device",
+      class: "link-field",
+      data: { testid: "panel-link" },
+    });
     second.body.append(
-      h("p", {}, "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page."),
-      panel_link ? h("div", { class: "copy-line" }, link, copyButton(() => panel_link, "Copy link")) : h("p", {}, "The experimenter has the link and opens it for you."),
+      h(
+        "p",
+        {},
+        "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page.",
+      ),
+      panel_link
+        ? h(
+            "div",
+            { class: "copy-line" },
+            link,
+            copyButton(() => panel_link, "Copy link"),
+          )
+        : h("p", {}, "The experimenter has the link and opens it for you."),
     );
   }
 
   const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, "Continue");
   go.addEventListener("click", () => {
-    if (!ready()) {
+    const { device, padId, mapping } = chosen;
+    if (!device || (device === "gamepad" && !(padId && mapping))) {
       driveError.hidden = false;
-      setText(driveError.lastChild, chosen.device === "gamepad" ? "Finish setting up the gamepad first, or choose the keyboard." : "Choose gamepad or keyboard first.");
+      setText(
+        driveErrorText,
+        device === "gamepad"
+          ? "Finish setting up the gamepad first, or choose the keyboard."
+          : "Choose gamepad or keyboard first.",
+      );
       drive.element.scrollIntoView({ block: "center" });
-      drive.element.querySelector("input:checked, input").focus({ preventScroll: true });
+      (radios.find((one) => one.radio.checked) ?? radios[0])?.radio.focus({ preventScroll: true });
       return;
     }
     if (chosen.sound === null && placement !== "none") {
@@ -155,14 +319,28 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       play.focus();
       return;
     }
-    const gamepad = chosen.device === "gamepad";
-    const data = { device: chosen.device, pad_id: gamepad ? chosen.padId.slice(0, 200) : null, mapping: gamepad ? chosen.mapping : {}, dead_zone: chosen.deadZone, sound: chosen.sound === true };
+    const byPad = device === "gamepad";
+    const data = {
+      device,
+      pad_id: byPad && padId ? padId.slice(0, 200) : null,
+      mapping: byPad ? mapping : {},
+      dead_zone: chosen.deadZone,
+      sound: chosen.sound === true,
+    };
     whileBusy(go, "Saving", () => socket.submit("setup", data).catch(() => {}));
   });
 
   const steps = [drive.element, placement === "none" ? null : hear.element, second?.element];
-  const element = card({ title: "Set up", wide: true, testid: "page-setup", body: [...steps, h("div", { class: "actions" }, go)] });
+  const element = card({
+    title: "Set up",
+    wide: true,
+    testid: "page-setup",
+    body: [...steps, h("div", { class: "actions" }, go)],
+  });
   if (chosen.device) choose(chosen.device);
-  closers.push(() => stopDetail(), () => sound.silence());
-  return { element, close: () => closers.forEach((close) => close()) };
+  const close = () => {
+    stopDetail();
+    sound.silence();
+  };
+  return { element, close };
 }

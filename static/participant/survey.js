@@ -3,13 +3,30 @@
 import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
 import { tab } from "../common/store.js";
 
+/** @import { Context, PageOf, View } from "./view.js" */
+/** @typedef {{ id: string, text: string, low: string, high: string }} Item */
+/** @typedef {{ id: string, title: string, intro: string, source: string, points: number, items: Item[] }} Instrument */
+/** @typedef {Record<string, Record<string, number>>} Answers by instrument and item */
+
+/**
+ * @param {Context} context
+ * @param {PageOf<{ instruments: Instrument[] }>} page
+ * @returns {View}
+ */
 export function surveyView({ socket, session }, page) {
   const { instruments } = page.content;
   const key = `${session}:survey:${page.trial ?? 0}`;
-  const answers = tab.get(key, {});
+  const answers = tab.get(key, /** @type {Answers} */ ({}));
+  /** @type {ReturnType<typeof itemRow>[]} */
   const rows = [];
   const heading = h("h1", { tabindex: "-1" }, "How was it?");
-  const summary = h("div", { class: "error-summary", role: "alert", tabindex: "-1", hidden: true, data: { testid: "survey-missing" } });
+  const summary = h("div", {
+    class: "error-summary",
+    role: "alert",
+    tabindex: "-1",
+    hidden: true,
+    data: { testid: "survey-missing" },
+  });
   const progress = h("p", { class: "survey-progress", role: "status", data: { testid: "survey-progress" } });
 
   const count = () => {
@@ -18,15 +35,16 @@ export function surveyView({ socket, session }, page) {
   };
 
   const sections = instruments.map((instrument) => {
-    answers[instrument.id] ??= {};
+    const given = answers[instrument.id] ?? {};
+    answers[instrument.id] = given;
     return h(
       "section",
       { class: "instrument", data: { testid: `instrument-${instrument.id}` } },
       h("h2", {}, instrument.title),
       h("p", { class: "intro" }, instrument.intro),
       instrument.items.map((item) => {
-        const row = itemRow(instrument, item, answers[instrument.id][item.id] ?? null, (value) => {
-          answers[instrument.id][item.id] = value;
+        const row = itemRow(instrument, item, given[item.id] ?? null, (value) => {
+          given[item.id] = value;
           tab.set(key, answers);
           count();
         });
@@ -37,16 +55,29 @@ export function surveyView({ socket, session }, page) {
     );
   });
 
-  const button = h("button", { type: "submit", class: "primary large", data: { testid: "survey-submit" } }, "Save answers and continue");
-  const form = h("form", { novalidate: true }, summary, sections, h("div", { class: "actions sticky" }, progress, button));
+  const button = h(
+    "button",
+    { type: "submit", class: "primary large", data: { testid: "survey-submit" } },
+    "Save answers and continue",
+  );
+  const form = h(
+    "form",
+    { novalidate: true },
+    summary,
+    sections,
+    h("div", { class: "actions sticky" }, progress, button),
+  );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const missing = rows.filter((row) => row.check() === false);
     summary.hidden = missing.length === 0;
     if (missing.length > 0) {
-      const words = missing.length === 1 ? "One question is not answered yet." : `${missing.length} questions are not answered yet.`;
+      const words =
+        missing.length === 1
+          ? "One question is not answered yet."
+          : `${missing.length} questions are not answered yet.`;
       summary.replaceChildren(icon("warning"), h("p", {}, `${words} They are marked below.`));
-      missing[0].focus();
+      missing[0]?.focus();
       return;
     }
     whileBusy(button, "Saving", async () => {
@@ -59,19 +90,45 @@ export function surveyView({ socket, session }, page) {
     });
   });
   count();
-  const trialText = page.trial && page.trials ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.` : "";
-  const element = h("section", { class: "card wide survey", data: { testid: "page-survey" } }, heading, h("p", {}, trialText), form);
-  return { element, heading };
+  const trialText =
+    page.trial && page.trials
+      ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.`
+      : "";
+  const element = h(
+    "section",
+    { class: "card wide survey", data: { testid: "page-survey" } },
+    heading,
+    h("p", {}, trialText),
+    form,
+  );
+  return { element };
 }
 
+/**
+ * @param {Instrument} instrument
+ * @param {Item} item
+ * @param {number | null} chosen
+ * @param {(value: number) => void} onChange
+ */
 function itemRow(instrument, item, chosen, onChange) {
   const name = `${instrument.id}.${item.id}`;
   const errorId = freshId("missing");
-  const error = h("p", { id: errorId, class: "field-error", hidden: true }, icon("warning"), h("span", {}, "Please choose an answer."));
+  const error = h(
+    "p",
+    { id: errorId, class: "field-error", hidden: true },
+    icon("warning"),
+    h("span", {}, "Please choose an answer."),
+  );
   const radios = Array.from({ length: instrument.points }, (_, index) => {
     const value = index + 1;
     const anchor = value === 1 ? item.low : value === instrument.points ? item.high : null;
-    const radio = h("input", { type: "radio", name, value: String(value), "aria-describedby": errorId, "aria-label": anchor ? `${value}, ${anchor}` : String(value) });
+    const radio = h("input", {
+      type: "radio",
+      name,
+      value: String(value),
+      "aria-describedby": errorId,
+      "aria-label": anchor ? `${value}, ${anchor}` : String(value),
+    });
     if (chosen === value) radio.checked = true;
     radio.addEventListener("change", () => {
       error.hidden = true;
@@ -88,7 +145,11 @@ function itemRow(instrument, item, chosen, onChange) {
       "div",
       { class: "scale" },
       h("span", { class: "anchor low", "aria-hidden": "true" }, item.low),
-      h("div", { class: "points" }, radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value)))),
+      h(
+        "div",
+        { class: "points" },
+        radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value))),
+      ),
       h("span", { class: "anchor high", "aria-hidden": "true" }, item.high),
     ),
     error,
@@ -99,7 +160,7 @@ function itemRow(instrument, item, chosen, onChange) {
     value,
     focus: () => {
       fieldset.scrollIntoView({ block: "center" });
-      radios[0].focus({ preventScroll: true });
+      radios[0]?.focus({ preventScroll: true });
     },
     check: () => {
       const given = value() !== null;

@@ -2,7 +2,7 @@
 
 let timer = 0;
 
-self.addEventListener("message", (event) => {
+addEventListener("message", (event) => {
   clearInterval(timer);
-  if (event.data > 0) timer = setInterval(() => self.postMessage(null), event.data);
+  if (event.data > 0) timer = setInterval(() => postMessage(null), event.data);
 });

@@ -2,38 +2,65 @@
 
 import { lasting, randomHex, tab } from "../common/store.js";
 
+/** @import { Note, Submit } from "../../tests/javascript/wire.d.ts" */
+/** @typedef {Submit | Note} Kept what the lab acknowledges by its id */
+
 const MAX_KEPT = 500;
 
 export class Outbox {
-  /** `name` separates sessions and roles, e.g. "4f2a" or "4f2a:panel". */
+  /**
+   * `name` separates sessions and roles, e.g. "4f2a" or "4f2a:panel".
+   *
+   * @param {string} name
+   */
   constructor(name) {
     this.name = `${name}:outbox`;
-    this.client = tab.get(`${name}:client`) ?? randomHex(8);
+    this.client = tab.get(`${name}:client`, randomHex(8));
     tab.set(`${name}:client`, this.client);
     this.counter = 0;
+    /** @type {Kept[]} */
     this.memory = []; // what storage refused to keep
   }
 
-  /** Unacknowledged messages, oldest first. */
+  /**
+   * Unacknowledged messages, oldest first.
+   *
+   * @returns {Kept[]}
+   */
   waiting() {
-    return [...lasting.get(this.name, []), ...this.memory];
+    return [...this._stored(), ...this.memory];
   }
 
-  /** Gives the message its id and keeps it; returns it. The same id is never used for two messages. */
+  /**
+   * Gives the message its id and keeps it; returns it. The same id is never used for two messages.
+   *
+   * @param {Omit<Submit, "id"> | Omit<Note, "id">} message
+   * @returns {Kept}
+   */
   keep(message) {
     this.counter += 1;
-    const kept = { ...message, id: `${this.client}.${Date.now().toString(36)}.${this.counter}` };
-    const stored = lasting.get(this.name, []);
+    const kept = /** @type {Kept} */ ({ ...message, id: `${this.client}.${Date.now().toString(36)}.${this.counter}` });
+    const stored = this._stored();
     if (stored.length >= MAX_KEPT || !lasting.set(this.name, [...stored, kept])) this.memory.push(kept);
     return kept;
   }
 
-  /** The lab has it, or refused it for good. */
+  /**
+   * The lab has it, or refused it for good.
+   *
+   * @param {string} id
+   * @returns {void}
+   */
   drop(id) {
     this.memory = this.memory.filter((message) => message.id !== id);
-    const stored = lasting.get(this.name, []);
+    const stored = this._stored();
     const left = stored.filter((message) => message.id !== id);
     if (left.length === 0) lasting.remove(this.name);
     else if (left.length !== stored.length) lasting.set(this.name, left);
+  }
+
+  /** @returns {Kept[]} */
+  _stored() {
+    return lasting.get(this.name, []);
   }
 }

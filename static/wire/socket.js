@@ -4,7 +4,17 @@
 // until the person acts. Events: "state", one per message type ("page", "tick", …), and a cancelable "refused"
 // for the lab's typed errors.
 
+import { Emitter } from "../common/emitter.js";
 import { Outbox } from "./outbox.js";
+
+/** @import { ConnectionState } from "../common/shell.js" */
+/** @import * as wire from "../../tests/javascript/wire.d.ts" */
+/** @import { Kept } from "./outbox.js" */
+/** @typedef {wire.Error & { stale: boolean }} Refusal `stale`: it answers what an earlier life of this page sent */
+/**
+ * @typedef {{ [Message in Exclude<wire.ServerMessage, wire.Error> as Message["type"]]: Message }
+ *   & { state: ConnectionState, refused: Refusal }} LabEvents
+ */
 
 export const PROTOCOL = 1;
 const FIRST_RETRY_MS = 400;
@@ -12,16 +22,23 @@ const LAST_RETRY_MS = 8000;
 const RESEND_MS = 4000;
 const FINAL = new Set(["superseded", "denied", "outdated", "closed"]);
 
-export class LabSocket extends EventTarget {
+/** @extends {Emitter<LabEvents>} */
+export class LabSocket extends Emitter {
+  /** @param {{ url: string, name: string }} where `name` is what the outbox is kept under */
   constructor({ url, name }) {
     super();
     this.url = url;
     this.outbox = new Outbox(name);
+    /** @type {ConnectionState} */
     this.state = "closed";
+    /** @type {wire.Welcome | null} */
     this.welcome = null;
+    /** @type {WebSocket | null} */
     this._socket = null;
-    this._pending = new Map(); // id → {resolve, reject}, for what this page life submitted
-    this._sentMs = new Map(); // id → when it was last sent
+    /** @type {Map<string, { resolve: (ack: wire.Ack) => void, reject: (refused: Error) => void }>} */
+    this._pending = new Map(); // by id, for what this page life submitted
+    /** @type {Map<string, number>} */
+    this._sentMs = new Map(); // by id, when it was last sent
     this._tries = 0;
     this._lastHeardMs = 0;
     this._pingGapMs = 0;
@@ -32,10 +49,12 @@ export class LabSocket extends EventTarget {
     document.addEventListener("visibilitychange", () => document.hidden || this._retryNow());
   }
 
+  /** @returns {boolean} */
   get open() {
     return this.state === "open";
   }
 
+  /** @returns {void} */
   connect() {
     clearTimeout(this._retry);
     this._setState("connecting");
@@ -46,49 +65,82 @@ export class LabSocket extends EventTarget {
       socket.send(JSON.stringify({ type: "hello", protocol: PROTOCOL, client: this.outbox.client }));
     });
     socket.addEventListener("message", (event) => socket === this._socket && this._receive(event.data));
-    socket.addEventListener("close", (event) => socket === this._socket && this._closed(event));
+    socket.addEventListener("close", () => socket === this._socket && this._closed());
   }
 
-  /** A step of the study. Resolves when it is on disk, rejects with the lab's error when it is refused. */
+  /**
+   * A step of the study. Resolves when it is on disk, rejects with the lab's error when it is refused.
+   *
+   * @param {wire.Submit["step"]} step
+   * @param {Record<string, unknown>} [data]
+   * @returns {Promise<wire.Ack>}
+   */
   submit(step, data = {}) {
     return this._deliver({ type: "submit", step, data });
   }
 
-  /** Something the page noticed. Nobody waits for it, but it is resent like a submit. */
+  /**
+   * Something the page noticed. Nobody waits for it, but it is resent like a submit.
+   *
+   * @param {string} name
+   * @param {NonNullable<wire.Note["data"]>} [data]
+   * @returns {void}
+   */
   note(name, data = {}) {
     this._deliver({ type: "note", name, data }).catch(() => {});
   }
 
-  /** For what is worthless late (inputs, heartbeats, views): dropped while there is no connection. */
+  /**
+   * For what is worthless late (inputs, heartbeats, views): dropped while there is no connection.
+   *
+   * @param {wire.ClientMessage} message
+   * @returns {boolean} whether it went out
+   */
   send(message) {
-    if (!this.open || this._socket.readyState !== WebSocket.OPEN) return false;
-    this._socket.send(JSON.stringify(message));
+    const socket = this._socket;
+    if (!this.open || socket?.readyState !== WebSocket.OPEN) return false;
+    socket.send(JSON.stringify(message));
     return true;
   }
 
-  /** After "superseded": take the session back to this tab. */
+  /**
+   * After "superseded": take the session back to this tab.
+   *
+   * @returns {void}
+   */
   takeOver() {
     if (this.state === "superseded") this.connect();
   }
 
+  /** @returns {void} */
   close() {
     this._setState("closed");
     this._socket?.close();
   }
 
+  /**
+   * @param {Omit<wire.Submit, "id"> | Omit<wire.Note, "id">} message
+   * @returns {Promise<wire.Ack>}
+   */
   _deliver(message) {
     const kept = this.outbox.keep(message);
-    const settled = new Promise((resolve, reject) => this._pending.set(kept.id, { resolve, reject }));
+    /** @type {Promise<wire.Ack>} */
+    const settled = new Promise((resolve, reject) => {
+      this._pending.set(kept.id, { resolve, reject });
+    });
     this._transmit(kept);
     return settled;
   }
 
+  /** @param {Kept} message */
   _transmit(message) {
     if (this.send(message)) this._sentMs.set(message.id, performance.now());
   }
 
+  /** @param {string} text */
   _receive(text) {
     this._lastHeardMs = performance.now();
+    /** @type {wire.ServerMessage} */
     let message;
     try {
       message = JSON.parse(text);
@@ -109,7 +161,7 @@ export class LabSocket extends EventTarget {
       case "error":
         return this._refused(message);
       case "superseded":
-        this._emit("superseded", message);
+        this.emit("superseded", message);
         return this._end("superseded");
       case "ping": {
         const now = performance.now();
@@ -120,9 +172,10 @@ export class LabSocket extends EventTarget {
       }
       default:
     }
-    this._emit(message.type, message);
+    this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
   }
 
+  /** @param {string} id */
   _settle(id) {
     this.outbox.drop(id);
     const waiting = this._pending.get(id);
@@ -131,6 +184,7 @@ export class LabSocket extends EventTarget {
     return waiting;
   }
 
+  /** @param {wire.Error} message */
   _refused(message) {
     if (message.code === "protocol" && message.field === "protocol") return this._end("outdated");
     // An internal error says nothing about the step itself: it stays in the outbox and is tried again.
@@ -141,7 +195,7 @@ export class LabSocket extends EventTarget {
     waiting?.reject(Object.assign(new Error(message.message), { code: message.code, field: message.field }));
   }
 
-  _closed(event) {
+  _closed() {
     this._socket = null;
     if (FINAL.has(this.state)) return;
     this._setState("lost");
@@ -161,6 +215,7 @@ export class LabSocket extends EventTarget {
     }
   }
 
+  /** @param {ConnectionState} state */
   _end(state) {
     clearTimeout(this._retry);
     this._setState(state);
@@ -179,8 +234,8 @@ export class LabSocket extends EventTarget {
         // The other side is gone without a word (a laptop that slept, a cable): do not wait for TCP to notice.
         const dead = this._socket;
         this._socket = null;
-        dead.close();
-        this._closed({ code: 1006 });
+        dead?.close();
+        this._closed();
         return;
       }
       for (const kept of this.outbox.waiting()) {
@@ -189,13 +244,10 @@ export class LabSocket extends EventTarget {
     }
   }
 
+  /** @param {ConnectionState} state */
   _setState(state) {
     if (this.state === state) return;
     this.state = state;
-    this._emit("state", state);
-  }
-
-  _emit(type, detail) {
-    this.dispatchEvent(new CustomEvent(type, { detail }));
+    this.emit("state", state);
   }
 }

@@ -387,6 +387,23 @@ def test_an_unanswered_reading_goes_away_when_the_lab_says_so(page: Page, lab: F
     assert not [message for message in lab.received if message.get("step") == "alert_answer"]
 
 
+def test_what_became_of_one_reading_is_not_said_of_the_next(page: Page, panel_lab: FakeLab) -> None:
+    panel_lab.state = "trial"
+    page.goto(panel_lab.panel_url)
+    page.get_by_test_id("panel-start").click()
+    visible(page, "panel-waiting")
+    panel_lab.send(alert(5, "10.0", elapsed_s=19.0), "panel")
+    visible(page, "alert")
+    panel_lab.send({"type": "alert_closed", "alert": 5, "status": "expired", "release_in_s": 0.0}, "panel")
+    visible(page, "panel-waiting")
+    assert page.get_by_test_id("panel-last").inner_text() == "Time ran out for the last reading."
+    panel_lab.send(alert(6, "20.0"), "panel")
+    visible(page, "alert")
+    panel_lab.show("survey")  # the study went on without it
+    visible(page, "panel-waiting")
+    assert page.get_by_test_id("panel-last").inner_text() == ""
+
+
 # --- forms ---------------------------------------------------------------------------------------------------------
 
 

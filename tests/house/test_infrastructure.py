@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import NetworkForbidden, is_loopback
+from tests.javascript import check as javascript
 from tests.support import chromium, lab_server
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,6 +66,50 @@ def test_a_named_chromium_comes_first_and_a_wrong_one_is_an_error(tmp_path: Path
         chromium.find({"PATH": str(tmp_path), "CHROMIUM": str(tmp_path / "absent")})
 
 
+# --- Node.js -----------------------------------------------------------------------------------------------------
+
+
+def test_without_node_the_javascript_is_passed_over_aloud(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert javascript.main({"PATH": str(tmp_path)}) == 0
+    assert "JavaScript NOT checked: no Node.js" in capsys.readouterr().out
+
+
+def test_a_node_that_is_too_old_will_not_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script(tmp_path / "npm", "exit 9")
+    script(tmp_path / "node", "echo v12.22.0")
+    assert javascript.main({"PATH": str(tmp_path)}) == 0
+    assert "says 'v12.22.0'" in capsys.readouterr().out
+    script(tmp_path / "node", "echo v18.19.0")
+    assert javascript.find_npm({"PATH": str(tmp_path)}) == str(tmp_path / "npm")
+
+
+def test_a_missing_node_that_is_required_is_a_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert javascript.main({"PATH": str(tmp_path), "SALAB_REQUIRE_NODE": "1"}) == 1
+    assert "JavaScript NOT checked: no Node.js" in capsys.readouterr().out
+
+
+def test_a_missing_node_that_is_required_is_installed_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "package-lock.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "node_modules").mkdir()
+    monkeypatch.setattr(javascript, "FOLDER", tmp_path)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    node = script(tmp_path / "stock" / "node", "echo v20.1.0")
+    npm = script(tmp_path / "stock" / "npm", 'echo "npm $*"; [ "$1" = ci ] || exit 3')
+    bin_folder = tmp_path / "bin"
+    install = f'case "$*" in *install*) /bin/ln -s {node} {npm} {bin_folder};; esac; echo "apt-get $*"'
+    script(bin_folder / "apt-get", install)
+    required = {"PATH": str(bin_folder), "SALAB_REQUIRE_NODE": "1"}
+    assert javascript.main(required) == 3, "what the checks ended with"
+    said = capfd.readouterr().out
+    order = ["apt-get -qq update", "apt-get -qq install", "npm ci ", "npm run --silent check"]
+    places = [said.rindex(text) for text in order]
+    assert places == sorted(places)
+    assert javascript.main(required) == 3
+    assert "npm ci" not in capfd.readouterr().out, "what is installed is not installed again"
+
+
 # --- starting a lab ----------------------------------------------------------------------------------------------
 
 
@@ -107,7 +152,7 @@ def make(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
 
 def test_make_alone_prints_every_target() -> None:
     printed = make().stdout
-    for target in ("run", "test", "test-fast", "check", "bench", "docs", "clean"):
+    for target in ("run", "test", "test-fast", "check", "check-js", "bench", "docs", "clean"):
         assert f"  make {target} " in printed
 
 

@@ -15,7 +15,7 @@ TOP_LEVEL = {
     *("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "Makefile"),
     *(".ci", ".gitignore", "app", "docs", "static", "sim", "study", "tests"),
 }
-SKIPPED_FOLDERS = {".git", ".venv", "__pycache__", "data"}  # when there is no git to ask
+SKIPPED_FOLDERS = {".git", ".venv", "__pycache__", "data", "node_modules"}  # when there is no git to ask
 
 
 def tree_files() -> list[Path]:

@@ -15,15 +15,26 @@
 //
 // A pad stays plugged in across reloads: fake_pad.py leaves window.__padBoot in later documents, which are then
 // gated anew, as in a real browser.
+/** @typedef {{ id: string, mapping: GamepadMappingType, index: number, timestamp: number, axes: number[], buttons: number[] }} Device */
 (() => {
   if (window.__pad) return;
   const nativeList = navigator.getGamepads.bind(navigator);
   const slotCount = nativeList().length || 4;
+  /** @type {Device | null} */
   let device = null; // what is plugged in, exposed or not
+  /** @type {Gamepad | null} */
   let exposed = null; // the current snapshot, null until activated
   let activated = false;
   let lastStamp = 0;
 
+  /**
+   * An object of the browser's own kind.
+   *
+   * @template {object} Kind
+   * @param {Kind} prototype
+   * @param {{ [Name in keyof Kind]: Kind[Name] | null }} values
+   * @returns {Kind}
+   */
   const readOnly = (prototype, values) => {
     const object = Object.create(prototype);
     for (const [name, value] of Object.entries(values)) {
@@ -32,7 +43,7 @@
     return object;
   };
 
-  const snapshot = (connected = true) =>
+  const snapshot = (/** @type {Device} */ device, connected = true) =>
     readOnly(Gamepad.prototype, {
       id: device.id,
       index: device.index,
@@ -48,22 +59,22 @@
       vibrationActuator: null,
     });
 
-  const fire = (type, gamepad) => {
+  const fire = (/** @type {string} */ type, /** @type {Gamepad} */ gamepad) => {
     // The constructor wants a Gamepad of the browser's own making, so the pad is put on the event afterwards.
     const event = new GamepadEvent(type);
     Object.defineProperty(event, "gamepad", { get: () => gamepad, enumerable: true });
     window.dispatchEvent(event);
   };
 
-  const expose = () => {
-    exposed = snapshot();
+  const expose = (/** @type {Device} */ pad) => {
+    exposed = snapshot(pad);
     fire("gamepadconnected", exposed);
   };
 
-  const changed = () => {
+  const changed = (/** @type {Device} */ pad) => {
     lastStamp = Math.max(performance.now(), lastStamp + 0.001); // never twice the same, even with a coarse clock
-    device.timestamp = lastStamp;
-    if (exposed) exposed = snapshot();
+    pad.timestamp = lastStamp;
+    if (exposed) exposed = snapshot(pad);
   };
 
   // Read as late as possible: init scripts run in no promised order.
@@ -71,18 +82,20 @@
     if (!device && window.__padBoot?.device) plugIn(window.__padBoot.device);
   };
 
+  /** @returns {Device} */
   const plugged = () => {
     replug();
     if (!device) throw new Error("no pad is plugged in: call __pad.connect(id, mapping) first");
     return device;
   };
 
-  const checked = (list, index, what) => {
+  const checked = (/** @type {number[]} */ list, /** @type {number} */ index, /** @type {string} */ what) => {
     if (!Number.isInteger(index) || index < 0 || index >= list.length) {
       throw new RangeError(`${what} ${index}: this pad has ${what} 0 to ${list.length - 1}`);
     }
   };
 
+  /** @param {NonNullable<NonNullable<Window["__padBoot"]>["device"]>} wanted */
   const plugIn = ({ id, mapping = "standard", index = 0, axes = 4, buttons = 17 }) => {
     if (!["standard", "", "xr-standard"].includes(mapping)) throw new TypeError(`mapping "${mapping}"`);
     if (!Number.isInteger(index) || index < 0 || index >= slotCount) {
@@ -90,12 +103,18 @@
     }
     lastStamp = Math.max(performance.now(), lastStamp + 0.001);
     device = {
-      id, mapping, index, timestamp: lastStamp, axes: Array(axes).fill(0), buttons: Array(buttons).fill(0),
+      id,
+      mapping,
+      index,
+      timestamp: lastStamp,
+      axes: Array(axes).fill(0),
+      buttons: Array(buttons).fill(0),
     };
-    if (activated) expose(); // a document that saw a press before sees a new pad at once
+    if (activated) expose(device); // a document that saw a press before sees a new pad at once
   };
 
-  window.__pad = Object.freeze({
+  /** @type {FakeHand} */
+  const hand = {
     connect: (id = "Fake Pad (Vendor: 054c Product: 0268)", mapping = "standard", shape = {}) => {
       replug();
       if (device) throw new Error(`a pad is plugged in already: ${device.id}`);
@@ -103,8 +122,8 @@
     },
 
     disconnect: () => {
-      plugged();
-      const gone = exposed && snapshot(false);
+      const pad = plugged();
+      const gone = exposed && snapshot(pad, false);
       device = null;
       exposed = null;
       if (window.__padBoot) window.__padBoot = { ...window.__padBoot, device: null };
@@ -117,14 +136,14 @@
       const next = Math.min(1, Math.max(0, value));
       if (pad.buttons[index] === next) return;
       pad.buttons[index] = next;
-      changed();
+      changed(pad);
       if (!exposed && next >= 0.5) {
         activated = true;
-        expose();
+        expose(pad);
       }
     },
-    press: (index) => window.__pad.value(index, 1),
-    release: (index) => window.__pad.value(index, 0),
+    press: (index) => hand.value(index, 1),
+    release: (index) => hand.value(index, 0),
 
     axis: (index, value) => {
       const pad = plugged();
@@ -132,17 +151,19 @@
       const next = Math.min(1, Math.max(-1, value));
       if (pad.axes[index] === next) return;
       pad.axes[index] = next;
-      changed();
+      changed(pad);
     },
 
     state: () => {
       replug();
       return { plugged: device !== null, exposed: exposed !== null, activated };
     },
-  });
+  };
 
+  window.__pad = Object.freeze(hand);
   Object.defineProperty(Navigator.prototype, "getGamepads", {
     value: function getGamepads() {
+      /** @type {(Gamepad | null)[]} */
       const list = Array(slotCount).fill(null);
       if (exposed) list[exposed.index] = exposed;
       return list;
