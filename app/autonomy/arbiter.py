@@ -151,11 +151,15 @@ class _Weighing:
         self.parameters = parameters
         self.user_index = None if user_action is None else index_of(user_action)
         self._position_m = checked_point_m("position_m", position_m)
-        self._momentum = checked_momentum(momentum)
+        checked_momentum(momentum)
+        self._momentum = momentum  # as given: a tuple is looked up faster than an array
         self._goals_m = checked_goals_m(goals_m)
         goal_count = self._goals_m.shape[0]
-        uniform: FloatArray = np.full(goal_count, 1.0 / goal_count)
-        self._prior: FloatArray = uniform if prior is None else checked_probabilities(prior, goal_count)
+        self._prior: FloatArray
+        if prior is None:
+            self._prior = np.full(goal_count, 1.0 / goal_count)
+        else:
+            self._prior = checked_probabilities(prior, goal_count)
 
     @cached_property
     def previous(self) -> int | None:
