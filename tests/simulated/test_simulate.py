@@ -15,6 +15,7 @@ import pytest
 
 from app.__main__ import main
 from app.errors import LabError
+from app.simulated.participant import Record
 from app.simulated.study import Plan, make_plan, run_jobs, simulate
 from app.simulated.variants import changed_study, fitted_population, preset_changes
 from app.trial.world import open_study
@@ -68,7 +69,7 @@ def test_interrupted_and_started_again_it_leaves_the_same_bytes(
     out = tmp_path / "out"
     run = Plan.run
 
-    def killed_at_the_third(self: Plan, index: int):  # type: ignore[no-untyped-def]
+    def killed_at_the_third(self: Plan, index: int) -> Record:
         if index == 2:
             raise KeyboardInterrupt
         return run(self, index)
@@ -80,7 +81,7 @@ def test_interrupted_and_started_again_it_leaves_the_same_bytes(
 
     done_again: list[int] = []
 
-    def counted(self: Plan, index: int):  # type: ignore[no-untyped-def]
+    def counted(self: Plan, index: int) -> Record:
         done_again.append(index)
         return run(self, index)
 
