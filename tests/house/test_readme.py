@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ PICTURES = ROOT / "tests" / "pictures"
 MAX_PICTURE_BYTES = 150_000
 
 
+@cache
 def subcommands() -> dict[str, CommandDoc]:
     return {command.name: command for command in described()}
 
