@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from study.analysis.analysis import Analysis, analyse, compare
 from study.analysis.dataset import load
-from study.analysis.effect_sizes import NotFitted
+from study.analysis.effect_sizes import Interval, NotFitted
 from study.analysis.linear_model import RepeatedMeasures
+from study.analysis.measures import TaskKind
 from study.analysis.observations import observations
 from study.export.export import write_tables
 from study.records import StudyError
@@ -24,7 +27,7 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     return analyse(load(data_set(6).write(tmp_path_factory.mktemp("export"))))
 
 
-def rewritten(folder: Path, table: str, change) -> None:
+def rewritten(folder: Path, table: str, change: Callable[[dict[str, str]], dict[str, str] | None]) -> None:
     """The table's CSV file with every row (a dict) changed; a row that becomes None goes."""
     path = folder / f"{table}.csv"
     with path.open(newline="") as file:
@@ -49,19 +52,26 @@ def test_the_analysis_finds_the_differences_that_were_put_in(analysis: Analysis)
         pairs = {(pair.first, pair.second): pair for pair in ticks.pairs}
         assert pairs["teleoperation", "goal_oriented"].difference.value == pytest.approx(20, abs=5)
         assert all(pair.p < 0.05 for pair in ticks.pairs)
-        assert pairs["goal_oriented", "balanced"].effect.value < 0  # type: ignore[union-attr]
+        effect = pairs["goal_oriented", "balanced"].effect
+        assert isinstance(effect, Interval) and effect.value < 0
 
 
 def test_degrees_of_freedom_are_those_of_the_design(analysis: Analysis) -> None:
     pickups, everything = (analysis.comparison("efficiency_ticks", kind) for kind in ("pickup", "all"))
-    assert pickups is not None and everything is not None
+    assert pickups is not None and not isinstance(pickups.anova, NotFitted)
+    assert everything is not None and not isinstance(everything.anova, NotFitted)
     # 54 pickups: 3 conditions, 2 more positions, 5 more objects. 108 tasks: 2 bins as well.
-    assert (pickups.anova.df_effect, pickups.anova.df_error) == (2, 54 - 3 - 2 - 5)  # type: ignore[union-attr]
-    assert (everything.anova.df_effect, everything.anova.df_error) == (2, 108 - 3 - 2 - 7)  # type: ignore[union-attr]
+    assert (pickups.anova.df_effect, pickups.anova.df_error) == (2, 54 - 3 - 2 - 5)
+    assert (everything.anova.df_effect, everything.anova.df_error) == (2, 108 - 3 - 2 - 7)
 
 
 def test_surveys_and_window_rate_are_compared_within_participants(analysis: Analysis) -> None:
-    for measure, kind in (("sus_modified", None), ("tlx_raw", None), ("window_rate", "all")):
+    compared: tuple[tuple[str, TaskKind | None], ...] = (
+        ("sus_modified", None),
+        ("tlx_raw", None),
+        ("window_rate", "all"),
+    )
+    for measure, kind in compared:
         found = analysis.comparison(measure, kind)
         assert found is not None and isinstance(found.model, RepeatedMeasures)
         assert (found.model.anova.df_effect, found.model.anova.df_error) == (2, 10)  # F(2, 22) with twelve
@@ -258,7 +268,7 @@ def test_one_participant_is_described_and_not_tested(tmp_path: Path) -> None:
 
 
 def test_conditions_of_another_study(tmp_path: Path) -> None:
-    def wanted(participant, condition, kind, rng):
+    def wanted(participant: str, condition: str, kind: str, rng: np.random.Generator) -> Wanted:
         return Wanted(30 + 10 * (condition == "fast") + int(rng.integers(5)), 3, (float(rng.normal(0.01, 0.002)),))
 
     found = analyse(load(data_set(4, conditions=("slow", "fast"), wanted=wanted, surveys=False).write(tmp_path / "e")))

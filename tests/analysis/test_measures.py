@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
-from study.analysis.measures import convergence, measure, measure_task, window_rates
+from study.analysis.measures import WindowMeasures, convergence, measure, measure_task, window_rates
 from study.analysis.summaries import summarise, summary
 from study.flow.answers import survey_scores
 from study.records import StudyError, SurveyAnswerRow
@@ -16,7 +18,7 @@ from tests.support.study_samples import UTC, tick_row
 THIRD = 1.0 / 3.0
 
 
-def windows_of(letters: str, own: list[float | None] | None = None, **changes):
+def windows_of(letters: str, own: list[float | None] | None = None, **changes: Any) -> tuple[WindowMeasures, ...]:
     rows = script(letters, own or [0.5] * len(letters), **changes)
     return measure_task(scripted_task(rows), rows)[1]
 
@@ -220,7 +222,7 @@ def test_a_summary_says_nothing_it_cannot_know() -> None:
 
 
 def test_a_study_with_known_measures_gives_them_back() -> None:
-    def wanted(participant, condition, kind, rng):
+    def wanted(participant: str, condition: str, kind: str, rng: np.random.Generator) -> Wanted:
         return {
             "teleoperation": Wanted(60, 20, (0.01, 0.03)),
             "goal_oriented": Wanted(40, None, (0.05,)),

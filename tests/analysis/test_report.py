@@ -28,6 +28,18 @@ def report(export: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def report_of_nothing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of simulated people in whose data nothing differs."""
+    folder = tmp_path_factory.mktemp("nothing")
+    data_set(2, wanted=lambda *_: Wanted(12, None), surveys=False).write(folder / "export")
+    meta = folder / "export" / "meta.json"
+    told = {**json.loads(meta.read_text()), "simulated": {"seed": 7, "robot": "kinematic"}}
+    meta.write_text(json.dumps(told))
+    assert main(["analyze", str(folder / "export"), "--out", str(folder / "report")]) == 0
+    return folder / "report"
+
+
 class _Page(HTMLParser):
     """Collects text, ids, references and whether tags are balanced."""
 
@@ -98,9 +110,9 @@ def test_the_page_has_every_section(report: Path) -> None:
 
 def test_the_methods_state_every_parameter(report: Path) -> None:
     _, text = read_page(report)
-    stated = ("alpha = 250", "rationality_per_m = 5", "transition.step_m = 0.05", "robot.speed_m_s = 0.04")
-    stated += ("distractor.every_s = 20", "at least 5 consecutive ticks", "above 0.7", "Brooke", "Hart")
-    for parameter in stated:
+    numbers = ("alpha = 250", "rationality_per_m = 5", "transition.step_m = 0.05", "robot.speed_m_s = 0.04")
+    rules = ("distractor.every_s = 20", "at least 5 consecutive ticks", "above 0.7", "Brooke", "Hart")
+    for parameter in (*numbers, *rules):
         assert parameter in text
 
 
@@ -147,25 +159,20 @@ def test_an_earlier_report_is_replaced_by_the_same_bytes(export: Path, report: P
     assert {path: path.read_bytes() for path in sorted(report.rglob("*")) if path.is_file()} == before
 
 
-def test_models_that_cannot_be_fitted_are_reported(tmp_path: Path) -> None:
-    folder = data_set(2, wanted=lambda *_: Wanted(12, None), surveys=False).write(tmp_path / "export")
-    assert main(["analyze", str(folder), "--out", str(tmp_path / "report")]) == 0
-    _, text = read_page(tmp_path / "report")
+def test_models_that_cannot_be_fitted_are_reported(report_of_nothing: Path) -> None:
+    _, text = read_page(report_of_nothing)
     assert "Not tested: all 36 values are equal (12): there is no variance to analyse." in text
     assert "Not tested: there are no values." in text
     assert "No survey answers" in text
     assert "not counterbalanced" in text
-    content = json.loads((tmp_path / "report" / "measures.json").read_text())
+    content = json.loads((report_of_nothing / "measures.json").read_text())
     assert content["conditions"]["balanced"]["tasks"]["all"]["belief_gain"] == {"n": 0, "mean": None, "sd": None}
-    assert all(row["not_fitted_because"] for row in rows(tmp_path / "report", "anova"))
+    assert all(row["not_fitted_because"] for row in rows(report_of_nothing, "anova"))
 
 
-def test_simulated_data_are_called_simulated(tmp_path: Path) -> None:
-    folder = data_set(2).write(tmp_path / "export")
-    meta = json.loads((folder / "meta.json").read_text())
-    (folder / "meta.json").write_text(json.dumps({**meta, "simulated": {"seed": 7, "robot": "kinematic"}}))
-    assert main(["analyze", str(folder), "--out", str(tmp_path / "report")]) == 0
-    _, text = read_page(tmp_path / "report")
+def test_simulated_data_are_called_simulated(report: Path, report_of_nothing: Path) -> None:
+    assert "Simulated participants" not in read_page(report)[1]
+    _, text = read_page(report_of_nothing)
     assert "Simulated participants" in text and "seed = 7" in text
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TypeVar
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -59,7 +62,10 @@ MANUAL = [21.0, 21.0, 22.8, 32.4, 30.4, 33.9, 27.3, 26.0, 30.4, 15.8, 19.7, 15.0
 SLEEP = ([0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0], [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4])
 
 
-def flat(groups: dict) -> tuple[list[float], list]:
+Cell = TypeVar("Cell", bound=Hashable)
+
+
+def flat(groups: Mapping[Cell, Sequence[float]]) -> tuple[list[float], list[Cell]]:
     return [value for values in groups.values() for value in values], [
         name for name, values in groups.items() for _ in values
     ]
@@ -135,7 +141,7 @@ def test_repeated_measures_of_the_stools() -> None:
 
 
 def test_repeated_measures_agree_with_the_librarys_own() -> None:
-    values = np.array(DRUGS, dtype=float).ravel()
+    values = np.array(DRUGS, dtype=float).ravel().tolist()
     drug, person = ["a", "b", "c", "d"] * 5, [str(index) for index in range(5) for _ in range(4)]
     result = repeated_measures(values, drug, person)
     assert isinstance(result, RepeatedMeasures)
@@ -177,7 +183,7 @@ def test_mixed_model_of_the_stools() -> None:
         (1.50, 1, 16, 0.0, 0.3166901),
     ],
 )
-def test_partial_eta_squared_and_its_interval(f, df_effect, df_error, low, high) -> None:
+def test_partial_eta_squared_and_its_interval(f: float, df_effect: int, df_error: int, low: float, high: float) -> None:
     found = eta_squared(f, df_effect, df_error)
     assert found.value == pytest.approx(f * df_effect / (f * df_effect + df_error))
     assert (found.low, found.high) == pytest.approx((low, high), abs=1e-4)
@@ -199,7 +205,7 @@ def test_d_within_of_the_sleepers() -> None:
 
 def test_intervals_of_huge_effects_and_of_none() -> None:
     rng = np.random.default_rng(3)
-    huge = hedges_g(100.0 + rng.normal(size=400), rng.normal(size=400))
+    huge = hedges_g((100.0 + rng.normal(size=400)).tolist(), rng.normal(size=400).tolist())
     assert isinstance(huge, Interval)
     assert huge.low < huge.value < huge.high
     assert eta_squared(0.0, 2, 100) == Interval(0.0, 0.0, 0.0)
@@ -234,7 +240,9 @@ def test_two_participants_have_an_interval_too() -> None:
         ([1.0, 2.0, 4.0, 3.0], ["a", "b", "a", "b"], {"goal": [1, 2, 3, 3]}, "too few"),
     ],
 )
-def test_what_cannot_be_fitted_says_why(values, condition, covariates, reason) -> None:
+def test_what_cannot_be_fitted_says_why(
+    values: list[float], condition: list[str], covariates: dict[str, list[int]], reason: str
+) -> None:
     model = anova(values, condition, covariates)
     assert isinstance(model, NotFitted)
     assert reason in model.reason
@@ -265,7 +273,7 @@ def test_a_mixed_model_near_the_boundary_is_fitted_all_the_same() -> None:
 def test_participants_who_do_not_differ_are_reported() -> None:
     rng = np.random.default_rng(5)
     kinds, people = ["a", "b", "c"] * 40, [str(index // 12) for index in range(120)]
-    values = np.tile(rng.normal(size=12), 10)  # every participant has the same twelve values
+    values = np.tile(rng.normal(size=12), 10).tolist()  # every participant has the same twelve values
     model = mixed_model(values, kinds, people)
     assert isinstance(model, MixedModel)
     assert model.note is not None and "estimated as 0" in model.note

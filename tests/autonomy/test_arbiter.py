@@ -85,7 +85,15 @@ def test_whole_episodes_agree_with_the_literal_equations_to_the_choice(kind: Any
         feasible = rng.uniform(size=27) < 0.8
         goals = SIX_GOALS + 0.01 * tick  # they move
         actual = evaluate(position, momentum, goals, prior, user, parameters, feasible)
-        literal = evaluate_literal(position, momentum, goals, prior, user, parameters, feasible)
+        literal = evaluate_literal(
+            position.tolist(),
+            momentum.tolist(),
+            goals.tolist(),
+            None if prior is None else prior.tolist(),
+            user,
+            parameters,
+            feasible.tolist(),
+        )
         assert_agree(actual, literal, 1e-12)
         np.testing.assert_allclose(actual.score, literal.score, rtol=0, atol=1e-10)
         assert actual.chosen == literal.chosen
@@ -99,7 +107,7 @@ def test_extremes_agree_with_the_literal_equations() -> None:
     parameters = ArbiterParameters("balanced", 1.0, rationality_per_m=1000.0)
     belief = [0.0, 0.5, 0.2, 0.3, 0.0, 0.0]
     actual = evaluate(START, (0.0, 1.0, 0.0), SIX_GOALS, belief, (0, 1, 0), parameters)
-    literal = evaluate_literal(START, (0.0, 1.0, 0.0), SIX_GOALS, belief, (0, 1, 0), parameters)
+    literal = evaluate_literal(START, (0.0, 1.0, 0.0), SIX_GOALS.tolist(), belief, (0, 1, 0), parameters)
     assert_agree(actual, literal, 1e-10)
     assert actual.posterior[[0, 4, 5]].tolist() == [0.0, 0.0, 0.0]
 

@@ -114,13 +114,13 @@ def test_coincident_goals_cannot_be_told_apart() -> None:
 
 
 def test_overwhelming_evidence_stops_at_the_floor_and_can_be_taken_back() -> None:
-    belief = updated(Belief.uniform(("A", "B")), [0.0, -1000.0])
+    belief = updated(Belief.uniform(("A", "B")), np.array([0.0, -1000.0]))
     assert belief.probabilities[1] == pytest.approx(PROBABILITY_FLOOR, rel=1e-9)
-    assert updated(belief, [-1000.0, 0.0]).probabilities.argmax() == 1
+    assert updated(belief, np.array([-1000.0, 0.0])).probabilities.argmax() == 1
 
 
 def test_a_goal_ruled_out_beforehand_stays_out() -> None:
-    belief = updated(Belief(("A", "B", "C"), np.array([0.5, 0.5, 0.0])), [0.0, -1000.0, 5.0])
+    belief = updated(Belief(("A", "B", "C"), np.array([0.5, 0.5, 0.0])), np.array([0.0, -1000.0, 5.0]))
     assert belief.probabilities[2] == 0.0
     assert math.isfinite(belief.entropy)
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from app.autonomy.actions import ACTION_COUNT, DIRECTIONS, NULL_ACTION, UNIT_DIRECTIONS
-from app.autonomy.arbiter import ArbiterParameters, choose, evaluate
+from app.autonomy.arbiter import ArbiterParameters, Condition, choose, evaluate
 
-CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
+CONDITIONS: tuple[Condition, ...] = ("teleoperation", "goal_oriented", "balanced")
 
 
 def random_state(rng: np.random.Generator, goals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -16,17 +18,22 @@ def random_state(rng: np.random.Generator, goals: int) -> tuple[np.ndarray, np.n
     return rng.uniform(0.4, 1.0, 3), UNIT_DIRECTIONS[rng.integers(ACTION_COUNT)], rng.uniform(0, 1, (goals, 3)), belief
 
 
+def fits(feasible: np.ndarray) -> Callable[[int], bool]:
+    """Whether the arm can do the action of an index, asked one at a time."""
+    return lambda index: bool(feasible[index])
+
+
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("gamma", [0.0, 0.05, 1e6])
-def test_it_chooses_and_believes_as_the_full_evaluation(condition: str, gamma: float) -> None:
+def test_it_chooses_and_believes_as_the_full_evaluation(condition: Condition, gamma: float) -> None:
     rng = np.random.default_rng(3)
-    parameters = ArbiterParameters(condition, alpha=400.0, gamma=gamma, stickiness=0.003)  # type: ignore[arg-type]
+    parameters = ArbiterParameters(condition, alpha=400.0, gamma=gamma, stickiness=0.003)
     for _ in range(40):
         position, momentum, goals, belief = random_state(rng, int(rng.integers(1, 7)))
         user = None if rng.random() < 0.5 else DIRECTIONS[rng.integers(ACTION_COUNT)]
         feasible = rng.random(ACTION_COUNT) < 0.5
         full = evaluate(position, momentum, goals, belief, user, parameters, feasible)
-        choice = choose(position, momentum, goals, belief, user, parameters, lambda index, fits=feasible: fits[index])
+        choice = choose(position, momentum, goals, belief, user, parameters, fits(feasible))
         assert choice.chosen == full.chosen
         np.testing.assert_array_equal(choice.posterior, full.posterior)
 

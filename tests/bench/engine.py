@@ -10,12 +10,13 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
-from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS
-from app.autonomy.arbiter import ArbiterParameters, choose, evaluate
+from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS, Direction
+from app.autonomy.arbiter import ArbiterParameters, Choice, Condition, choose, evaluate
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
@@ -34,7 +35,7 @@ REPEATS = 5
 IDLE_TICKS = 120
 WORLDS = 10
 SEED = 7
-CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
+CONDITIONS: tuple[Condition, ...] = ("teleoperation", "goal_oriented", "balanced")
 PARTS = EMPTY_HANDED, CARRYING, FINGERS, RESET = (
     "empty-handed",
     "carrying",
@@ -45,6 +46,10 @@ PARTS = EMPTY_HANDED, CARRYING, FINGERS, RESET = (
 
 # ---- decisions --------------------------------------------------------------------------------------------------
 
+State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Direction | None]
+"""Position, momentum, goals, belief, user action."""
+Case = TypeVar("Case")
+
 
 def decision_figures() -> Iterator[Figure]:
     """Milliseconds over the same random states: in whole, as a tick needs it, and literally."""
@@ -52,7 +57,11 @@ def decision_figures() -> Iterator[Figure]:
     parameters = ArbiterParameters("balanced", alpha=400.0, transition=TransitionModel("mix"))
     states = [_state(rng, away=number % 2 == 0) for number in range(STATES)]
     whole_ms = _median_ms(lambda state: evaluate(*state, parameters), states, REPEATS)
-    literal_ms = _median_ms(lambda state: evaluate_literal(*state, parameters), states[:20], 1)
+    plain = [
+        (position_m.tolist(), momentum.tolist(), goals_m.tolist(), belief.tolist(), user)
+        for position_m, momentum, goals_m, belief, user in states[:20]
+    ]
+    literal_ms = _median_ms(lambda state: evaluate_literal(*state, parameters), plain, 1)
     yield Figure(f"whole evaluation, {GOALS} goals, model mix", f"{whole_ms:.3f} ms")
     yield Figure("literal equations, same states", f"{literal_ms:.1f} ms")
     yield Figure("times faster", f"{literal_ms / whole_ms:.0f}", "12 or more")
@@ -60,20 +69,23 @@ def decision_figures() -> Iterator[Figure]:
         held = replace(parameters, condition=condition)
         for away in (False, True):
             chosen = [state for state in states if (state[-1] is None) == away]
-            light_ms = _median_ms(lambda state, held=held: choose(*state, held), chosen, REPEATS)
+            light_ms = _median_ms(partial(_choice, held), chosen, REPEATS)
             hands = "hands off" if away else "hands on"
             yield Figure(f"what a tick works out: {condition}, {hands}", f"{light_ms:.3f} ms")
 
 
-def _state(rng: np.random.Generator, away: bool) -> tuple[Any, ...]:
-    """Position, momentum, goals, belief, user action."""
+def _choice(parameters: ArbiterParameters, state: State) -> Choice:
+    return choose(*state, parameters)
+
+
+def _state(rng: np.random.Generator, away: bool) -> State:
     user = None if away else DIRECTIONS[rng.integers(len(DIRECTIONS))]
     momentum = UNIT_DIRECTIONS[rng.integers(len(UNIT_DIRECTIONS))]
     goals_m = rng.uniform((0.75, -0.42, 0.83), (0.85, 0.42, 0.90), (GOALS, 3))
     return rng.uniform((0.65, -0.35, 0.83), (0.9, 0.35, 0.93)), momentum, goals_m, rng.dirichlet(np.ones(GOALS)), user
 
 
-def _median_ms(work: Callable[[Any], object], states: Sequence[Any], repeats: int) -> float:
+def _median_ms(work: Callable[[Case], object], states: Sequence[Case], repeats: int) -> float:
     work(states[0])
     times_s = []
     for _ in range(repeats):

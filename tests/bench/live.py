@@ -15,7 +15,7 @@ from pathlib import Path
 from urllib.parse import urljoin
 
 import httpx
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from app.simulated.bot import Entrance, enter, run_bot
@@ -23,7 +23,7 @@ from tests.bench.figure import Figure
 from tests.support import lab_server
 from tests.support.lab_server import LabServer
 from tests.support.viser_client import PROTOCOL, camera_message, decoded
-from tests.support.wire_client import invite, stored, visit, write_study
+from tests.support.wire_client import Player, invite, stored, visit, write_study
 
 LIVE_S = 30.0
 PUSH_S = 0.7
@@ -91,7 +91,7 @@ async def _drive(link: str) -> tuple[SceneBytes, int, int]:
     return received, page_bytes, packed_bytes
 
 
-async def _hear(player) -> None:  # type: ignore[no-untyped-def]
+async def _hear(player: Player) -> None:
     with contextlib.suppress(asyncio.CancelledError):
         while True:
             await player.wire.receive_raw()
@@ -126,7 +126,7 @@ async def _watching(entrance: Entrance) -> AsyncIterator[SceneBytes]:
         counting.cancel()
 
 
-async def _count(socket, received: SceneBytes) -> None:  # type: ignore[no-untyped-def]
+async def _count(socket: ClientConnection, received: SceneBytes) -> None:
     with contextlib.suppress(asyncio.CancelledError):
         while True:
             received.later += len(await socket.recv())

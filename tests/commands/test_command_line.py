@@ -18,6 +18,7 @@ from app.__main__ import main
 from app.commands.serve import listen
 from app.config import LabConfig, public_url
 from study.export.export import read_table
+from study.flow.roster import EnrolmentKind
 from study.store import open_store
 from tests.support.lab_server import ROOT, LabDidNotStart, LabServer
 from tests.support.study_samples import UTC, shipped_study
@@ -259,13 +260,14 @@ def test_erase_says_what_it_would_do_and_does_it_with_yes(tmp_path: Path, capsys
     assert "no lab data here" in fails(capsys, *erase, "P001", "--yes")
     assert not (data / "lab.sqlite").exists()
     with open_store(data, exclusive=True) as store:
-        for number, kind in enumerate(("study", "pilot")):
+        kinds: tuple[EnrolmentKind, ...] = ("study", "pilot")
+        for number, kind in enumerate(kinds):
             store.create_participant(
                 shipped_study(),
                 seed=number,
                 public_id=f"{number}",
                 utc=UTC,
-                kind=kind,  # type: ignore[arg-type]
+                kind=kind,
                 identities={"label": "Ada of the Dentist"} if kind == "study" else None,
             )
         assert "another lab is running" in fails(capsys, *erase, "P001", "--yes")

@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow.parquet as parquet
 import pytest
 from frictionless import Package, Report, validate
+from frictionless.resources import TableResource
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.export.export import export, write_tables
@@ -103,7 +104,8 @@ def test_every_column_of_every_table_is_described(package: Path) -> None:
 
 
 def test_every_file_has_its_checksum(package: Path) -> None:
-    sums = dict(reversed(line.split("  ")) for line in (package / "SHA256SUMS").read_text().splitlines())
+    lines = (package / "SHA256SUMS").read_text().splitlines()
+    sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
     files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in package.iterdir()}
     assert sums == {name: digest for name, digest in files.items() if name != "SHA256SUMS"}
     in_package = {resource["path"]: resource["hash"] for resource in descriptor(package)["resources"]}
@@ -140,7 +142,9 @@ def test_parquet_says_what_its_columns_are(package: Path) -> None:
 
 
 def test_frictionless_reads_json_and_times_as_what_they_are(package: Path) -> None:
-    row = Package(str(package / "datapackage.json")).get_resource("ticks").read_rows()[0]
+    ticks = Package(str(package / "datapackage.json")).get_resource("ticks")
+    assert isinstance(ticks, TableResource)
+    row = ticks.read_rows()[0]
     assert row["goals"] == {"spray_bottle": [0.8, 0.2, 0.85]}
     assert row["started_utc"].utcoffset().total_seconds() == 0
     assert (row["late_ms"], row["user_z"]) == (None, -1)

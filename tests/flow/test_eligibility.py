@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from app.session.interfaces import Role
 from app.session.round_trips import LOST_AFTER_S, RoundTrips
-from app.wire import Ping, Pong
+from app.wire import Message, Ping, Pong
 from study.definition.sections import Eligibility
 from study.flow.eligibility import (
     CHECKS,
@@ -169,21 +170,29 @@ def test_the_set_up_holds_to_what_the_check_asked_for(rules: Eligibility, data: 
 class Page:
     """A page that answers when told to."""
 
+    role: Role = "participant"
+    name = "here"
+    telemetry = False
+
     def __init__(self) -> None:
         self.pings: list[Ping] = []
 
-    def deliver(self, message: Ping) -> None:
+    def deliver(self, message: Message) -> None:
+        assert isinstance(message, Ping)
         self.pings.append(message)
+
+    def end(self) -> None:
+        """Nothing to close."""
 
 
 def test_the_median_of_round_trips_is_by_the_labs_clock() -> None:
     page, now = Page(), [0.0]
     trips = RoundTrips(lambda: now[0])
-    trips.measure(page, 3)  # type: ignore[arg-type]
+    trips.measure(page, 3)
     for took_s in (0.04, 0.9, 0.05):
         assert trips.median_ms is None
         now[0] += took_s
-        found = trips.answered(page, Pong(n=page.pings[-1].n))  # type: ignore[arg-type]
+        found = trips.answered(page, Pong(n=page.pings[-1].n))
         assert found == pytest.approx(1000 * took_s)
     assert trips.median_ms == pytest.approx(50.0)
     assert [ping.left for ping in page.pings] == [2, 1, 0]
@@ -194,13 +203,13 @@ def test_an_answer_counts_once_and_a_lost_ping_is_sent_again() -> None:
     trips = RoundTrips(lambda: now[0])
 
     def answer(ping: Ping) -> float | None:
-        return trips.answered(page, Pong(n=ping.n))  # type: ignore[arg-type]
+        return trips.answered(page, Pong(n=ping.n))
 
-    trips.measure(page, 2)  # type: ignore[arg-type]
-    trips.probe(page)  # type: ignore[arg-type]
+    trips.measure(page, 2)
+    trips.probe(page)
     assert len(page.pings) == 1  # the measurement's own ping is on its way
     now[0] = LOST_AFTER_S
-    trips.probe(page)  # type: ignore[arg-type]
+    trips.probe(page)
     assert [ping.left for ping in page.pings] == [1, 1]
     assert answer(page.pings[0]) is None
     now[0] += 0.02
@@ -208,6 +217,6 @@ def test_an_answer_counts_once_and_a_lost_ping_is_sent_again() -> None:
     assert answer(page.pings[1]) is None
     assert answer(page.pings[2]) is not None
     assert trips.median_ms is not None
-    trips.probe(page)  # type: ignore[arg-type]
+    trips.probe(page)
     assert page.pings[-1].left is None
     assert answer(page.pings[-1]) is not None and answer(page.pings[-1]) is None

@@ -6,7 +6,8 @@ import pytest
 
 from study.definition.link_placeholders import filled
 from study.definition.sections import Recruitment
-from study.flow.open_link import answer, ids_among, open_link, read_ids
+from study.flow.open_link import Answer, answer, ids_among, open_link, read_ids
+from study.flow.protocol import State
 
 RULES = Recruitment(open=True, quota=2)
 PROLIFIC = {"PROLIFIC_PID": ["5f3c9a1b2d4e6f708192a3b4"], "STUDY_ID": ["64a1"], "SESSION_ID": ["64b2"]}
@@ -58,9 +59,9 @@ def test_an_id_given_twice_in_one_link_is_neither() -> None:
     ],
 )
 def test_one_place_for_one_id_and_nobody_walks_into_another_ones_session(
-    held: int, state: str | None, is_known: bool, expected: str
+    held: int, state: State | None, is_known: bool, expected: Answer
 ) -> None:
-    assert answer(RULES, held, state, is_known) == expected  # type: ignore[arg-type]
+    assert answer(RULES, held, state, is_known) == expected
 
 
 def test_a_study_that_is_not_open_lets_back_only_those_who_are_in() -> None:

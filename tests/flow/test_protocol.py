@@ -23,10 +23,12 @@ from study.flow.protocol import (
     EventName,
     Finish,
     IllegalEvent,
+    Outcome,
     PauseTicks,
     ResumeTicks,
     Session,
     StartWorker,
+    State,
     StopWorker,
     advance,
     allowed,
@@ -136,7 +138,7 @@ def test_whose_device_does_not_fit_never_sees_the_consent() -> None:
 
 def test_a_lost_connection_pauses_a_trial_until_the_participant_resumes() -> None:
     paused, effects = advance(in_trial(), "connection_lost", 50.0)
-    assert (paused.state, paused.resume_to, paused.causes) == ("paused", "trial", {"connection"})
+    assert (paused.state, paused.resume_to, paused.causes) == ("paused", "trial", frozenset({"connection"}))
     assert (paused.since_s, effects) == (50.0, (PauseTicks(),))
     back, effects = advance(paused, "resume", 60.0)
     assert (back.state, back.resume_to, back.causes, back.trial) == ("trial", None, frozenset(), 1)
@@ -144,8 +146,8 @@ def test_a_lost_connection_pauses_a_trial_until_the_participant_resumes() -> Non
 
 
 @pytest.mark.parametrize("state", ["consent", "survey", "practice_ready", "trial_ready", "break", "debrief"])
-def test_a_lost_connection_changes_nothing_where_nothing_runs(state: str) -> None:
-    session = Session("P001", 3, state=state)  # type: ignore[arg-type]
+def test_a_lost_connection_changes_nothing_where_nothing_runs(state: State) -> None:
+    session = Session("P001", 3, state=state)
     assert advance(session, "connection_lost", 9.0) == (session, ())
 
 
@@ -153,12 +155,16 @@ def test_two_causes_must_both_go() -> None:
     paused, effects = run(in_trial(), "connection_lost", "experimenter_pause")
     assert paused.causes == {"connection", "experimenter"}
     assert effects == (PauseTicks(),)
-    for first, second in (("resume", "experimenter_resume"), ("experimenter_resume", "resume")):
-        half, effects = advance(paused, first, 1.0)  # type: ignore[arg-type]
+    orders: tuple[tuple[EventName, EventName], ...] = (
+        ("resume", "experimenter_resume"),
+        ("experimenter_resume", "resume"),
+    )
+    for first, second in orders:
+        half, effects = advance(paused, first, 1.0)
         assert (half.state, effects) == ("paused", ())
         with pytest.raises(IllegalEvent):
-            advance(half, first, 2.0)  # type: ignore[arg-type]
-        whole, effects = advance(half, second, 3.0)  # type: ignore[arg-type]
+            advance(half, first, 2.0)
+        whole, effects = advance(half, second, 3.0)
         assert (whole.state, effects) == ("trial", (ResumeTicks(),))
 
 
@@ -196,9 +202,9 @@ def test_a_trial_that_ends_while_a_pause_is_on_its_way_has_ended() -> None:
 def test_leaving_stops_the_worker_and_keeps_the_reason(name: EventName) -> None:
     for session in (in_trial(), advance(in_trial(), "connection_lost", 1.0)[0]):
         gone, effects = advance(session, Event(name, "too hot"), 5.0)
-        outcome = "withdrawn" if name == "withdraw" else "aborted"
+        outcome: Outcome = "withdrawn" if name == "withdraw" else "aborted"
         assert (gone.state, gone.outcome, gone.reason) == (outcome, outcome, "too hot")
-        assert effects == (StopWorker(), Finish(gone.outcome))  # type: ignore[arg-type]
+        assert effects == (StopWorker(), Finish(outcome))
 
 
 # ---- the experimenter leads aside
@@ -211,7 +217,7 @@ def test_practice_is_repeated_before_the_trial_begins_and_a_pause_stays_one() ->
     assert effects == (StopWorker(), StartWorker("practice", 1))
     paused, _ = advance(ready, Event("experimenter_pause", "not understood"), 1.0)
     back, effects = advance(paused, "repeat_practice", 2.0)
-    assert (back.state, back.resume_to, back.causes) == ("paused", "practice_ready", {"experimenter"})
+    assert (back.state, back.resume_to, back.causes) == ("paused", "practice_ready", frozenset({"experimenter"}))
     assert effects == (StopWorker(), StartWorker("practice", 1))
 
 
@@ -243,7 +249,7 @@ def test_an_aborted_trial_is_over_and_the_session_goes_on() -> None:
 
 def test_a_restored_trial_waits_for_its_participant_with_its_worker_back() -> None:
     session, effects = restore(from_json(to_json(in_trial())), 99.0)
-    assert (session.state, session.resume_to, session.causes) == ("paused", "trial", {"connection"})
+    assert (session.state, session.resume_to, session.causes) == ("paused", "trial", frozenset({"connection"}))
     assert effects == (StartWorker("trial", 1),)
     session, effects = advance(session, "resume", 100.0)
     assert (session.state, effects) == ("trial", (ResumeTicks(),))
@@ -329,8 +335,8 @@ def test_no_sequence_of_legal_events_leaves_the_map(trials: int, skips: set[str]
 
 @settings(deadline=None)
 @given(st.sampled_from([state for state in STATES if state != "paused"]), st.sampled_from(EVENTS))
-def test_allowed_is_exactly_what_advance_takes(state: str, event: EventName) -> None:
-    session = Session("P001", 3, state=state, trial=2)  # type: ignore[arg-type]
+def test_allowed_is_exactly_what_advance_takes(state: State, event: EventName) -> None:
+    session = Session("P001", 3, state=state, trial=2)
     if event in allowed(session):
         advance(session, event, 1.0)
     else:

@@ -8,6 +8,7 @@ import pytest
 
 from study.definition.sections import QualityRules
 from study.flow.quality import Measured, broken_rules, judged, measure
+from study.records import EventRow
 from tests.support.study_samples import event_row, trial_row
 
 RULES = QualityRules(
@@ -21,11 +22,11 @@ RULES = QualityRules(
 FINE = Measured(100.0, 2.0, 1, 1, 0, 0)
 
 
-def at(second: float, kind: str, **data: float):  # type: ignore[no-untyped-def]
+def at(second: float, kind: str, **data: float) -> EventRow:
     return event_row("P001", kind, utc=f"2026-01-01T00:00:{second:06.3f}Z", data=json.dumps(data))
 
 
-def measured(*events) -> Measured:  # type: ignore[no-untyped-def]
+def measured(*events: EventRow) -> Measured:
     ends = {"started_utc": "2026-01-01T00:00:10.000Z", "ended_utc": "2026-01-01T00:00:50.000Z"}
     return measure(events, **ends, missed_ticks=4, unanswered_alerts=1)
 
@@ -54,7 +55,7 @@ def test_only_what_happened_in_the_trial_counts() -> None:
         ([at(4, "page_hidden"), at(6, "page_visible")], 0.0),
     ],
 )
-def test_a_hidden_page_is_timed_within_the_trial(events: list[object], hidden_s: float) -> None:
+def test_a_hidden_page_is_timed_within_the_trial(events: list[EventRow], hidden_s: float) -> None:
     assert measured(*events).hidden_s == hidden_s
 
 

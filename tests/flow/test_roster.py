@@ -5,14 +5,17 @@ from __future__ import annotations
 import pytest
 
 from study.definition.study import orders
-from study.flow.roster import ACTS, Enrolled, counts, grid, matches, why_not
+from study.flow.protocol import State
+from study.flow.roster import ACTS, Enrolled, EnrolmentKind, counts, grid, matches, why_not
 from tests.support.study_samples import shipped_study
 
 ORDERS = orders(shipped_study())
 
 
-def one(number: int, state: str = "consent", kind: str = "study", rejected: bool = False, order: int = 0) -> Enrolled:
-    return Enrolled(f"P{number:03d}", kind, state, ORDERS[order], rejected)  # type: ignore[arg-type]
+def one(
+    number: int, state: State = "consent", kind: EnrolmentKind = "study", rejected: bool = False, order: int = 0
+) -> Enrolled:
+    return Enrolled(f"P{number:03d}", kind, state, ORDERS[order], rejected)
 
 
 def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.flow.protocol import Event, new_session
+from study.flow.protocol import Event, EventName, new_session
 from study.flow.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
 from tests.support.study_samples import shipped_study
 
@@ -59,8 +59,8 @@ def fields(refused: Refused) -> list[str | None]:
         ("withdraw", {}, "withdraw"),
     ],
 )
-def test_a_step_filled_in_well_leads_on(step: str, data: dict[str, Any], event: str) -> None:
-    assert take(step, data).event == Event(event)  # type: ignore[arg-type]
+def test_a_step_filled_in_well_leads_on(step: str, data: dict[str, Any], event: EventName) -> None:
+    assert take(step, data).event == Event(event)
 
 
 def test_every_step_but_help_and_leave_is_tried_above() -> None:

@@ -57,11 +57,12 @@ def imported(folders: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """(where, top-level module) of every import of somebody else's code, wherever in a file it stands."""
     for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            modules = []
             if isinstance(node, ast.Import):
                 modules = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 modules = [node.module or ""]
+            else:
+                continue
             for module in modules:
                 top = module.split(".")[0]
                 if top not in OURS and top not in sys.stdlib_module_names and top != "tomllib":

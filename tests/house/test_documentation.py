@@ -11,11 +11,12 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+from pydantic import BaseModel
 
 from app.commands import described
 from app.commands.program import program
@@ -127,7 +128,7 @@ def test_every_setting_is_documented_with_its_option_and_default() -> None:
         _, option, default, meaning = rows[field.name]
         assert default.strip("`") == ("" if field.default is None else str(field.default))
         assert meaning, field.name
-        (described,) = [o for o in COMMANDS["serve"].options if option.strip("`") in o.flags] or [None]
+        described = next((o for o in COMMANDS["serve"].options if option.strip("`") in o.flags), None)
         if described is not None and described.default:
             assert described.default == str(field.default), option
 
@@ -218,7 +219,12 @@ def test_the_reference_of_the_study_file_gives_bounds_and_choices() -> None:
 
 
 def test_every_key_and_table_of_the_study_file_that_is_named_exists() -> None:
-    models = [Study, QuestionnaireFile, QuestionnaireItem, *(item.model for item in reference.study_tables())]
+    models: list[type[BaseModel]] = [
+        Study,
+        QuestionnaireFile,
+        QuestionnaireItem,
+        *(item.model for item in reference.study_tables()),
+    ]
     keys = {key for model in models for key in model.model_fields}
     headers = {item.header for item in reference.study_tables()} | {"[[items]]"}
     named = {span for span in SPANS if re.fullmatch(r"\[+[a-z_.]+\]+", span)}
@@ -401,15 +407,15 @@ def test_the_examples_that_read_an_export_run_as_they_stand(place: Path) -> None
 
 def test_the_citation_is_of_this_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    citation: Mapping[str, object] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    citation: dict[str, Any] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["cff-version"] == "1.2.0"
     assert citation["message"]
     assert citation["type"] == "software"
     assert citation["version"] == project["version"]
     assert citation["license"] == project["license"]["text"]
     assert citation["authors"] == project["authors"]
-    assert citation["authors"][0]["name"] in (ROOT / "LICENSE").read_text(encoding="utf-8")  # type: ignore[index]
-    (paper,) = citation["references"]  # type: ignore[misc]
+    assert citation["authors"][0]["name"] in (ROOT / "LICENSE").read_text(encoding="utf-8")
+    (paper,) = citation["references"]
     assert paper["title"] == "Balanced Information Gathering and Goal-Oriented Actions in Shared Autonomy"
     assert paper["type"] == "conference-paper"
     assert all(author["family-names"] and author["given-names"] for author in paper["authors"])

@@ -1,13 +1,20 @@
-"""The tree: what may stand at the top, no machine's paths in it, and pages that load nothing from elsewhere."""
+"""The tree: what may stand at the top, no machine's paths, strict types, and pages that load nothing from elsewhere."""
 
 from __future__ import annotations
 
 import re
 import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -81,6 +88,49 @@ def test_the_tree_names_no_machine_and_no_registry(what: str, pattern: re.Patter
 def test_the_tree_patterns_find_what_they_look_for() -> None:
     assert MACHINE_PATHS.search("open('/ho" + "me/ada/x')")
     assert REGISTRY_HOSTS.search("https://py" + "pi.org/simple")
+
+
+# --- types ---------------------------------------------------------------------------------------------------------
+
+OUR_FOLDERS = {"app", "sim", "study", "tests"}
+
+
+def type_complaints(settings: Mapping[str, Any]) -> list[str]:
+    """Where these settings of mypy let an error in our own code pass."""
+    found = [] if settings.get("strict") is True else ["strict is not on"]
+    found += [f"{folder} is not read" for folder in sorted(OUR_FOLDERS - set(settings.get("files", ())))]
+    found += [f"{name} leaves files out" for name in ("exclude", "exclude_gitignore") if name in settings]
+    overrides = settings.get("overrides", [])
+    for part in (settings, *overrides):
+        found += [f"{name} switches errors off" for name in ("ignore_errors", "disable_error_code") if part.get(name)]
+        found += [f"{name} is weaker than strict" for name, value in part.items() if value is False]
+    for override in overrides:
+        asked = override["module"]
+        modules = [asked] if isinstance(asked, str) else asked
+        found += [f"{name} is ours" for name in modules if name == "*" or name.split(".")[0] in OUR_FOLDERS]
+    return found
+
+
+def test_everything_that_is_ours_is_checked_strictly() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]
+    assert type_complaints(settings) == []
+    inline = [str(path) for path, text in texts() if path.suffix == ".py" and re.search(r"^# ?mypy:", text, re.M)]
+    assert inline == [], "settings in a file go over those of the project"
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"strict": False}, "strict is not on"),
+        ({"files": ["app", "sim", "study"]}, "tests is not read"),
+        ({"exclude": ["tests/bench"]}, "exclude leaves files out"),
+        ({"disallow_untyped_defs": False}, "disallow_untyped_defs is weaker than strict"),
+        ({"overrides": [{"module": "viser.*", "ignore_errors": True}]}, "ignore_errors switches errors off"),
+        ({"overrides": [{"module": ["tests.*"], "follow_imports": "skip"}]}, "tests.* is ours"),
+    ],
+)
+def test_settings_that_let_errors_pass_are_reported(changes: dict[str, Any], complaint: str) -> None:
+    assert complaint in type_complaints({"strict": True, "files": sorted(OUR_FOLDERS), **changes})
 
 
 # --- static/: ES modules, everything from our own server -----------------------------------------------------------

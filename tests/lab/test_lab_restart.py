@@ -18,9 +18,10 @@ import pytest
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.session.commands import Command, NotNow
+from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.simulated.bot import Bot, BotError, enter, open_wire
-from app.wire import Input, Message, Page, Status, Submit, Tick
+from app.wire import Input, Message, Page, Status, Submit, Tick, WireDirection
 from study.records import TickRow
 from study.store import Batch, Store
 from tests.support.dashboard_client import dashboard
@@ -38,7 +39,8 @@ from tests.support.wire_client import (
     write_study,
 )
 
-RIGHT, LEFT = (0, -1, 0), (0, 1, 0)
+RIGHT: WireDirection = (0, -1, 0)
+LEFT: WireDirection = (0, 1, 0)
 ENDS_WITHIN_S = 20.0
 
 
@@ -278,14 +280,14 @@ async def test_a_study_interrupted_again_and_again_is_complete_in_the_end(launch
 class LocalPage:
     """A page without a socket, in the lab's own process."""
 
-    role = "participant"
+    role: Role = "participant"
     name = "here"
     telemetry = False
 
     def __init__(self, session: LiveSession) -> None:
         self._session = session
         self._arrived: asyncio.Queue[Message] = asyncio.Queue()
-        session.attach(self)  # type: ignore[arg-type]
+        session.attach(self)
 
     def deliver(self, message: Message) -> None:
         self._arrived.put_nowait(message)
@@ -300,10 +302,10 @@ class LocalPage:
                 return message
 
     async def submit(self, step: str, **data: Any) -> None:
-        self._session.receive(self, Submit(id=step, step=step, data=data))  # type: ignore[arg-type]
+        self._session.receive(self, Submit.model_validate({"id": step, "step": step, "data": data}))
 
     async def tick(self, seq: int) -> Tick:
-        self._session.receive(self, Input(seq=seq, client_ms=0.0, direction=RIGHT))  # type: ignore[arg-type]
+        self._session.receive(self, Input(seq=seq, client_ms=0.0, direction=RIGHT))
         ticked: Tick = await self.until(Tick)
         return ticked
 
@@ -373,13 +375,13 @@ async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monk
         failures = iter([True])
 
         def full(store: Store, batch: Batch) -> bool:
-            if batch.ticks and next(failures, False):
+            if len(batch.ticks) > 0 and next(failures, False):
                 raise OSError("No space left on device")
             return commit(store, batch)
 
         monkeypatch.setattr(Store, "commit", full)
         # The tick that raises the first reading is the one that finds the disk full.
-        session.receive(page, Input(seq=20, client_ms=0.0, direction=RIGHT))  # type: ignore[arg-type]
+        session.receive(page, Input(seq=20, client_ms=0.0, direction=RIGHT))
         await page.until(Status, status="recovering")
         await page.until(Status, status="running")
         again = await page.tick(21)

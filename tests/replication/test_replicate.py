@@ -13,7 +13,7 @@ import pytest
 from app.__main__ import main
 from app.errors import LabError
 from app.replication.comparisons import Contrast, compared, goal_gains, means, shares
-from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, reported
+from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, Claim, reported
 from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
 from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
 from app.replication.text import report, table, write
@@ -43,7 +43,7 @@ def test_signs_are_those_of_the_paper_s_means() -> None:
 # ---- shares ---------------------------------------------------------------------------------------------------------
 
 
-def claim_of(measure: str, kind: str, first: str, second: str):  # type: ignore[no-untyped-def]
+def claim_of(measure: str, kind: str, first: str, second: str) -> Claim:
     return next(c for c in CLAIMS if (c.measure, c.kind, c.first, c.second) == (measure, kind, first, second))
 
 

@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -45,8 +46,8 @@ def test_an_act_is_offered_just_where_the_protocol_takes_it() -> None:
             again = act == "pause" and "experimenter" in session.causes  # taken, but of no use
             possible = event in allowed(session) and not again
             assert (why_not(act, now) == "") == possible, (session, act)
-        for act in ACTS:
-            reason = why_not(act, now)
+        for offered in ACTS:
+            reason = why_not(offered, now)
             assert reason == "" or (reason[0].isupper() and reason.endswith(".")), reason
 
 
@@ -63,9 +64,9 @@ def test_an_act_is_offered_just_where_the_protocol_takes_it() -> None:
         ({"session": advance(new_session("P001", 3), "abort", 0.0)[0]}, "over"),
     ],
 )
-def test_a_start_needs_page_robot_and_second_device(changes: dict[str, object], says: str) -> None:
+def test_a_start_needs_page_robot_and_second_device(changes: dict[str, Any], says: str) -> None:
     now = Circumstances(Session("P001", 3, "trial_ready"), connected=True, ready=True)
-    reason = why_not("start", replace(now, **changes))  # type: ignore[arg-type]
+    reason = why_not("start", replace(now, **changes))
     assert says in reason and bool(says) == bool(reason)
 
 

@@ -34,7 +34,7 @@ def test_when_the_robot_chose_no_other_action_it_can_do_scores_more(condition: s
         None,
         setup.parameters,
     )
-    chosen = DIRECTIONS.index((row.action_x, row.action_y, row.action_z))  # type: ignore[arg-type]
+    chosen = DIRECTIONS.index((row.action_x, row.action_y, row.action_z))
     assert scores.score == pytest.approx(every.score[chosen])
     if condition == "goal_oriented":
         assert scores.weighted_information == 0.0 and scores.weighted_reward == scores.score

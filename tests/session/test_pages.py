@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Literal
 
 import pytest
 
@@ -14,7 +15,7 @@ from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
-from study.flow.protocol import STATES, Event, EventName, Session, advance, new_session
+from study.flow.protocol import STATES, Cause, Event, EventName, Outcome, Session, State, advance, new_session
 from tests.support.engine_cases import CONDITIONS, Person, drive, opened, paper_study, practice_setup, trial_setup
 from tests.support.study_samples import shipped_study
 
@@ -61,7 +62,7 @@ def every_session() -> list[Session]:
             for name in events:
                 other, _ = advance(other, name, 0.0)
             found.append(other)
-        found += [advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]  # type: ignore[arg-type]
+        found += [advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]
         if session.state == "eligibility":
             found.append(advance(session, Event("screened_out", '["webgl"]'), 0.0)[0])
         session, _ = advance(session, LEADS_ON[session.state], 0.0)
@@ -99,9 +100,9 @@ def test_a_trial_looks_the_same_whatever_drives_the_robot() -> None:
     ("state", "trial"),
     [("consent", None), ("trial", 2), ("survey", 2), ("break", 2), ("debrief", None), ("done", None)],
 )
-def test_a_page_names_its_trial_where_there_is_one(state: str, trial: int | None) -> None:
-    outcome = "done" if state == "done" else None
-    made = page(Session("p01", 3, state, trial=2, outcome=outcome), context())  # type: ignore[arg-type]
+def test_a_page_names_its_trial_where_there_is_one(state: State, trial: int | None) -> None:
+    outcome: Outcome | None = "done" if state == "done" else None
+    made = page(Session("p01", 3, state, trial=2, outcome=outcome), context())
     assert (made.state, made.trial, made.trials) == (state, trial, 3)
 
 
@@ -139,8 +140,10 @@ def test_the_driving_page_knows_the_scene_the_views_and_whether_ticks_run() -> N
         ({"connection", "experimenter"}, True, "experimenter"),
     ],
 )
-def test_a_pause_says_why_and_whether_the_participant_can_end_it(causes: set[str], can_resume: bool, word: str) -> None:
-    session = Session("p01", 3, "paused", 1, "trial", frozenset(causes))  # type: ignore[arg-type]
+def test_a_pause_says_why_and_whether_the_participant_can_end_it(
+    causes: set[Cause], can_resume: bool, word: str
+) -> None:
+    session = Session("p01", 3, "paused", 1, "trial", frozenset(causes))
     content = page(session, context()).content
     assert content["causes"] == sorted(causes)
     assert content["can_resume"] is can_resume
@@ -165,11 +168,14 @@ def test_a_link_to_the_second_device_is_offered_only_when_the_readings_are_there
 
 
 def test_thanks_end_every_participation() -> None:
-    for state, outcome in (
-        *(("done", "done"), ("withdrawn", "withdrawn"), ("aborted", "aborted")),
+    ends: tuple[tuple[State, Outcome], ...] = (
+        ("done", "done"),
+        ("withdrawn", "withdrawn"),
+        ("aborted", "aborted"),
         ("screened_out", "screened_out"),
-    ):
-        session = Session("p01", 3, state, outcome=outcome)  # type: ignore[arg-type]
+    )
+    for state, outcome in ends:
+        session = Session("p01", 3, state, outcome=outcome)
         assert "hank" in " ".join(page(session, context()).content["text"])
 
 
@@ -177,9 +183,10 @@ def test_only_a_finished_session_leads_back_to_the_recruitment_service() -> None
     links = {"completion_link": "http://127.0.0.1/back?of={ID}", "screened_out_link": "http://127.0.0.1/out"}
     study = STUDY.model_copy(update={"recruitment": STUDY.recruitment.model_copy(update=links)})
 
-    def link(state: str, study: Study, **ids: str) -> str | None:
+    def link(state: State, study: Study, **ids: str) -> str | None:
         shown = replace(context(study), ids=ids)
-        return page(Session("p01", 3, state), shown).content["completion_link"]  # type: ignore[arg-type,no-any-return]
+        leads_to: str | None = page(Session("p01", 3, state), shown).content["completion_link"]
+        return leads_to
 
     assert link("done", study, ID="7a") == "http://127.0.0.1/back?of=7a"
     assert link("done", study) is None  # somebody with a personal link has no id to send back
@@ -265,10 +272,13 @@ def test_practice_asks_for_another_place_instead_of_a_bin() -> None:
     assert sent[-1].notice == "Well done."
 
 
-def view(kind: str, phase: str = "operating") -> TrialView:
+def view(
+    kind: Literal["pickup", "dropoff"],
+    phase: Literal["operating", "gripper", "settling", "reset", "finished"] = "operating",
+) -> TrialView:
     return TrialView(
-        phase=phase,  # type: ignore[arg-type]
-        kind=kind,  # type: ignore[arg-type]
+        phase=phase,
+        kind=kind,
         object="wipes_tub",
         bin="right_bin",
         done_tasks=0,

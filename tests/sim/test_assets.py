@@ -153,15 +153,18 @@ def test_the_cache_is_where_the_user_says() -> None:
     assert assets.cache_dir({"XDG_CACHE_HOME": "not/absolute"}) == home
 
 
-@pytest.fixture(scope="session")
-def baked(tmp_path_factory: pytest.TempPathFactory) -> tuple[assets.RobotLook, Path]:
+@pytest.fixture
+def published() -> Path:
+    """Where the published meshes are."""
     pytest.importorskip("rtbdata", reason="the extra `meshes` is not installed")
-    cache = tmp_path_factory.mktemp("cache")
-    return assets.robot_look(cache), cache
+    folder = assets.published_meshes_dir()
+    assert folder is not None
+    return folder
 
 
-def test_the_robot_is_baked_small(baked: tuple[assets.RobotLook, Path]) -> None:
-    look, _ = baked
+@pytest.mark.slow
+def test_the_robot_is_baked_small(published: Path, tmp_path: Path) -> None:
+    look = assets.robot_look(tmp_path / "cache", published)
     assert look.note is None
     assert set(look.glb_by_link) == set(assets.LINKS) <= set(fetch.LINK_NAMES)
     assert sum(map(len, look.glb_by_link.values())) < assets.CACHE_LIMIT_BYTES
@@ -170,44 +173,49 @@ def test_the_robot_is_baked_small(baked: tuple[assets.RobotLook, Path]) -> None:
         assert arrays["indices"].max() < len(arrays["POSITION"])
 
 
-def test_it_is_baked_once_and_a_broken_file_again(
-    baked: tuple[assets.RobotLook, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    look, cache = baked
+@pytest.fixture
+def bakings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Links that were baked, in order; what comes out are the simple shapes, at once."""
+    shapes = assets.simple_look().glb_by_link
     asked: list[str] = []
 
     def bake(link: str, source: Path) -> bytes:
         asked.append(link)
-        return look.glb_by_link[link]
+        return shapes.get(link, shapes["head_pan_link"])
 
     monkeypatch.setattr(assets, "bake_link", bake)
-    assert assets.robot_look(cache) == look
-    assert asked == []
+    return asked
+
+
+def test_it_is_baked_once_and_a_broken_file_again(bakings: list[str], tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    look = assets.robot_look(cache, tmp_path)
+    assert look.note is None and bakings == list(assets.LINKS)
+    bakings.clear()
+    assert assets.robot_look(cache, tmp_path) == look
+    assert bakings == []
     (broken,) = cache.glob("*/gripper_link.glb")
     broken.write_bytes(broken.read_bytes()[:-100])
-    assert assets.robot_look(cache) == look
-    assert asked == ["gripper_link"]
+    assert assets.robot_look(cache, tmp_path) == look
+    assert bakings == ["gripper_link"]
     assert broken.read_bytes() == look.glb_by_link["gripper_link"]
     assert len(list(broken.parent.iterdir())) == len(assets.LINKS)  # nothing half-written stays behind
 
 
-def test_a_cache_that_cannot_be_written_does_not_matter(
-    baked: tuple[assets.RobotLook, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    look, _ = baked
-    monkeypatch.setattr(assets, "bake_link", lambda link, source: look.glb_by_link[link])
+def test_a_cache_that_cannot_be_written_does_not_matter(bakings: list[str], tmp_path: Path) -> None:
+    look = assets.robot_look(tmp_path / "cache", tmp_path)
     (tmp_path / "file").write_text("in the way")
-    assert assets.robot_look(tmp_path / "file") == look
+    assert assets.robot_look(tmp_path / "file", tmp_path) == look
+    assert bakings == [*assets.LINKS, *assets.LINKS]
 
 
-def test_the_drawn_fingers_touch_where_the_pads_do(baked: tuple[assets.RobotLook, Path]) -> None:
-    look, _ = baked
+def test_the_drawn_fingers_touch_where_the_pads_do(published: Path) -> None:
+    points_m = {finger: parsed(assets.bake_link(finger, published))[1]["POSITION"] for finger in fetch.FINGERS}
     for opening_m in (0.0, 0.06, fetch.MAX_OPENING_M):
         poses = fetch.link_poses((0.0,) * 7, opening_m)
         inner = {}
         for finger, side in fetch.FINGERS.items():
-            points = parsed(look.glb_by_link[finger])[1]["POSITION"] + poses[finger][0]
-            across = side * points[:, 1]
+            across = side * (points_m[finger] + poses[finger][0])[:, 1]
             inner[finger] = float(across.min())
         assert sum(inner.values()) == pytest.approx(opening_m, abs=0.003)
 

@@ -16,8 +16,10 @@ WORKSPACE = np.array([ik.WORKSPACE_LOW_M, ik.WORKSPACE_HIGH_M])
 
 def positions(count: int, seed: int = 0) -> np.ndarray:
     """Positions within reach, shape (N, 3), N about three quarters of `count`."""
-    points = np.random.default_rng(seed).uniform(*WORKSPACE, size=(count, 3))
-    return points[reachable(points)]
+    low_m, high_m = WORKSPACE
+    points = np.random.default_rng(seed).uniform(low_m, high_m, size=(count, 3))
+    within: np.ndarray = points[reachable(points)]
+    return within
 
 
 def triple(point: np.ndarray) -> Vector3:
@@ -36,7 +38,8 @@ def test_gripper_is_where_it_was_asked_to_be_level_and_pointing_forward() -> Non
 
 
 def test_numbers_and_arrays_share_one_formula() -> None:
-    points = np.random.default_rng(1).uniform(*(WORKSPACE + [[-0.1] * 3, [0.1] * 3]), size=(500, 3))
+    low_m, high_m = WORKSPACE + [[-0.1] * 3, [0.1] * 3]
+    points = np.random.default_rng(1).uniform(low_m, high_m, size=(500, 3))
     joints, codes = ik.solve_many(points)
     for point, row, code in zip(points, joints, codes, strict=True):
         alone, alone_code = ik.solve(triple(point))
@@ -153,7 +156,7 @@ def test_whatever_is_executable_stays_within_reach_slice_by_slice() -> None:
     for start in positions(400, seed=5)[:200]:
         direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
-        command = steady(direction, 0.08)
+        command = steady(triple(direction), 0.08)
         path = np.array(ik.waypoints(triple(start), ik.executable(triple(start), command), command.speed_m_s))
         codes = ik.solve_many(path)[1]
         # Between two samples a path may bulge out of the reach by a hair; the limits themselves keep a margin.

@@ -112,7 +112,8 @@ def test_motion_is_straight_and_as_long_as_commanded(robot: Robot) -> None:
         verdict = robot.command(steady(direction, SPEED_M_S))
         assert verdict.executed == steady(direction, SPEED_M_S).segments
         assert (verdict.blocked, verdict.reason) == (False, None)
-        end: Vector3 = tuple(a + b * SPEED_M_S * TICK_S for a, b in zip(start, direction, strict=True))  # type: ignore[assignment]
+        x, y, z = (a + b * SPEED_M_S * TICK_S for a, b in zip(start, direction, strict=True))
+        end: Vector3 = (x, y, z)
         for _ in range(SLICES_PER_TICK):
             robot.advance()
             assert distance_to_line_m(robot.observe().position_world_gripper_m, start, end) < 0.002
@@ -152,7 +153,7 @@ def test_random_motion_tracks_within_two_millimetres_and_one_degree(robot: Robot
         if tick % 6 == 0:
             direction = rng.integers(-1, 2, size=3).astype(float)
             direction /= max(float(np.linalg.norm(direction)), 1.0)
-        verdict, state = run_tick(robot, steady(direction, speed_m_s))
+        verdict, state = run_tick(robot, steady(direction.tolist(), speed_m_s))
         for segment in verdict.executed:
             expected += np.array(segment.direction) * speed_m_s * TICK_S * segment.slices / SLICES_PER_TICK
         refused += verdict.reason is not None

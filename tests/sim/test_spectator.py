@@ -6,7 +6,7 @@ import asyncio
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
@@ -18,6 +18,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from app.session.spectators import Spectators
+from app.session.worker_link import WorkerLink
 from app.simulated.bot import enter
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
 from app.worker.spectator_view import EVERY_SLICES, OnDemandView
@@ -31,7 +32,7 @@ from sim.views import ONLOOKER
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.sim.test_scene import LAYOUT, SIX, joined, world
 from tests.support.lab_server import LabServer
-from tests.support.simulated_pipe import beats, of, simulate
+from tests.support.simulated_pipe import Schedule, beats, of, simulate
 from tests.support.viser_client import PROTOCOL, ViserClient, decoded
 from tests.support.wire_client import Player, invite, visit, write_study
 from tests.worker.test_worker import Screen, spec
@@ -153,11 +154,16 @@ class FakeSpectators:
         self._calls.append("update")
 
 
+def fake_view(calls: list[str]) -> OnDemandView:
+    """A view that notes what it is asked, once somebody looks on."""
+    return OnDemandView(lambda: cast(SpectatorView, FakeSpectators(calls)))
+
+
 def ran(monkeypatch: pytest.MonkeyPatch, *looking: tuple[float, bool]) -> tuple[list[Any], list[str], Screen]:
     """What a worker of three ticks reports, what its spectator_view did, and what the participant was shown."""
     calls: list[str] = []
     screen = Screen()
-    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
+    spectator_view = fake_view(calls)
     asked = [(at_s, Spectate(on)) for at_s, on in looking]
     schedule = [*beats(0.0, 3.0), (1.0, Begin()), *asked]
     sent = simulate(
@@ -182,12 +188,12 @@ def test_looking_on_leaves_ticks_digests_and_the_participants_picture_alone(monk
 
 def test_a_robot_that_waits_can_be_looked_at_and_one_without_a_scene_says_no(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
-    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
-    schedule = [(0.5, Spectate(True)), (3.0, Stop())]
+    spectator_view = fake_view(calls)
+    schedule: Schedule = [(0.5, Spectate(True)), (3.0, Stop())]
     sent = simulate(monkeypatch, spec(), KinematicRobot(), schedule, Screen(), spectator_view=spectator_view)
     assert [report.port for report in of(sent, SpectatorPort)] == [4712]
-    held = [(0.0, Begin()), (0.7, Spectate(True)), (3.0, Stop())]  # no heartbeat: no tick starts
-    spectator_view = OnDemandView(lambda: FakeSpectators(calls))  # type: ignore[arg-type, return-value]
+    held: Schedule = [(0.0, Begin()), (0.7, Spectate(True)), (3.0, Stop())]  # no heartbeat: no tick starts
+    spectator_view = fake_view(calls)
     sent = simulate(monkeypatch, spec(), KinematicRobot(), held, Screen(), spectator_view=spectator_view)
     assert [report.port for report in of(sent, SpectatorPort)] == [4712] and not of(sent, Ticked)
     bare = simulate(monkeypatch, spec(), KinematicRobot(), schedule)
@@ -223,7 +229,7 @@ class Line:
 
 async def test_the_view_is_there_from_the_first_onlooker_to_the_last() -> None:
     line = Line()
-    onlookers = Spectators(line, lingers_s=0.01)  # type: ignore[arg-type]
+    onlookers = Spectators(cast(WorkerLink, line), lingers_s=0.01)
     closed = asyncio.Event()
 
     def answer(looking: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from functools import cache
+from typing import Any
 
 import pytest
 
@@ -20,7 +21,7 @@ from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.flow.answers import validate_surveys
 from study.flow.distractor import from_rows
-from study.records import TABLES
+from study.records import TABLES, TickRow
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
 
@@ -94,7 +95,7 @@ def test_the_logged_inputs_re_run_to_the_same_states() -> None:
 def test_trials_alone_have_the_rows_they_have_in_the_whole_study() -> None:
     record = whole()
 
-    def without_seq(rows: list) -> list:
+    def without_seq(rows: list[TickRow]) -> list[dict[str, Any]]:
         return [{**vars(row), "input_seq": None} for row in rows]
 
     alone = simulate_trial(case(), 2, KinematicRobot)

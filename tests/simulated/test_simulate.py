@@ -15,12 +15,14 @@ import pytest
 
 from app.__main__ import main
 from app.errors import LabError
+from app.simulated.participant import Record
 from app.simulated.study import Plan, make_plan, run_jobs, simulate
 from app.simulated.variants import changed_study, fitted_population, preset_changes
 from app.trial.world import open_study
 from study.definition.study import orders
 from study.export.export import read_meta, read_table
 from study.records import TABLES
+from tests.support.jobs import dies, fails_at_two
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"": {"pickups_per_trial": 1}, **preset_changes("fitted")}
@@ -57,6 +59,7 @@ def test_orders_are_taken_in_turn(export: Path) -> None:
     assert taken == list(orders(study)[:3])
 
 
+@pytest.mark.slow
 def test_two_processes_leave_the_same_bytes(export: Path, tmp_path: Path) -> None:
     simulate(small_plan(), 3, 2, tmp_path / "out", "fitted")
     assert files(tmp_path / "out") == files(export)
@@ -68,7 +71,7 @@ def test_interrupted_and_started_again_it_leaves_the_same_bytes(
     out = tmp_path / "out"
     run = Plan.run
 
-    def killed_at_the_third(self: Plan, index: int):  # type: ignore[no-untyped-def]
+    def killed_at_the_third(self: Plan, index: int) -> Record:
         if index == 2:
             raise KeyboardInterrupt
         return run(self, index)
@@ -80,7 +83,7 @@ def test_interrupted_and_started_again_it_leaves_the_same_bytes(
 
     done_again: list[int] = []
 
-    def counted(self: Plan, index: int):  # type: ignore[no-untyped-def]
+    def counted(self: Plan, index: int) -> Record:
         done_again.append(index)
         return run(self, index)
 
@@ -134,33 +137,23 @@ def test_a_participant_depends_on_nobody_else() -> None:
     assert plan.case(4).seed != replace(plan, seed=8).case(4).seed
 
 
-def _fails_at_two(job: int) -> int:
-    if job == 2:
-        raise LabError("two")
-    return job
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_what_fails_in_a_process_fails_the_whole(workers: int) -> None:
     with pytest.raises(LabError, match="two"):
-        list(run_jobs(_fails_at_two, [1, 2, 3], workers))
-
-
-def _dies(job: int) -> None:
-    os._exit(9)
+        list(run_jobs(fails_at_two, [1, 2, 3], workers))
 
 
 def test_a_process_that_dies_is_told_in_a_line() -> None:
     with pytest.raises(LabError, match="what is done is kept"):
-        list(run_jobs(_dies, [1, 2], 2))
+        list(run_jobs(dies, [1, 2], 2))
 
 
 LEFT_ALONE = """
 import os, sys, time
 from app.simulated.study import run_jobs
-import tests.support.slow_job
+import tests.support.jobs
 if __name__ == "__main__":
-    for job, pid in run_jobs(tests.support.slow_job.tell_and_sleep, [1, 2], 2):
+    for job, pid in run_jobs(tests.support.jobs.tell_and_sleep, [1, 2], 2):
         pass
 """
 

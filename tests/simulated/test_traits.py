@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from app.errors import LabError
 from app.simulated.answers import Experience, survey_answers
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
-from app.simulated.traits import TRAITS, Population, Traits, draw_traits, stream
+from app.simulated.traits import TRAITS, Population, Purpose, Traits, draw_traits, stream
 from app.trial.values import UserInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
@@ -58,16 +59,24 @@ def test_without_spread_everyone_has_the_means() -> None:
         ({"spread_scale": -1.0}, "from 0 to 5"),
     ],
 )
-def test_a_population_that_cannot_be_is_told(wrong: dict, told: str) -> None:
+def test_a_population_that_cannot_be_is_told(wrong: dict[str, Any], told: str) -> None:
     with pytest.raises(LabError, match=told):
         Population(**wrong)
 
 
 def test_every_purpose_trial_and_alert_has_a_stream_of_its_own() -> None:
-    keys = [("traits",), ("trial", 1), ("trial", 2), ("practice", 1), ("alerts", 1, 1), ("alerts", 1, 2), ("survey", 1)]
-    first = [stream(5, *key).random() for key in keys]  # type: ignore[arg-type]
+    keys: list[tuple[Purpose, tuple[int, ...]]] = [
+        ("traits", ()),
+        ("trial", (1,)),
+        ("trial", (2,)),
+        ("practice", (1,)),
+        ("alerts", (1, 1)),
+        ("alerts", (1, 2)),
+        ("survey", (1,)),
+    ]
+    first = [stream(5, purpose, *key).random() for purpose, key in keys]
     assert len(set(first)) == len(keys)
-    assert first == [stream(5, *key).random() for key in keys]  # type: ignore[arg-type]
+    assert first == [stream(5, purpose, *key).random() for purpose, key in keys]
 
 
 # ---- how they drive -------------------------------------------------------------------------------------------------

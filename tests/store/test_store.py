@@ -10,15 +10,15 @@ import sqlite3
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from study.definition.study import orders
-from study.flow.protocol import advance
+from study.flow.protocol import EventName, advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError
 from study.store import (
     AsyncStore,
@@ -91,7 +91,8 @@ def test_the_cell_of_whoever_leaves_is_given_out_again(store: Store, leave: str)
     elif leave == "erase":
         store.erase(first.participant, UTC)
     else:
-        store.commit(Batch(session=advance(first.session, leave, 1.0)[0], finished_utc=UTC))  # type: ignore[arg-type]
+        event = cast(EventName, leave)
+        store.commit(Batch(session=advance(first.session, event, 1.0)[0], finished_utc=UTC))
     assert enrol(store).order == first.order
 
 
@@ -141,7 +142,7 @@ def test_a_session_comes_back_as_it_was(store: Store) -> None:
 
 def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
     who = enrol(store).participant
-    rows = {
+    rows: dict[str, Any] = {
         "ticks": [tick_row(who, 0), tick_row(who, 1, p_x=1 / 3, task=None, kind=None, goal=None, user_x=None)],
         "practice_ticks": [tick_row(who, 0, source="idle")],
         "trials": [trial_row(who)],
@@ -150,7 +151,7 @@ def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
         "answers": [answer_row(who, "effort"), answer_row(who, "comments", "two\nlines, and “quotes”")],
         "events": [event_row(who, "b"), event_row(who, "a", trial=None, tick=None)],
     }
-    store.commit(Batch(**rows))  # type: ignore[arg-type]
+    store.commit(Batch(**rows))
     store = reopened(store)
     for name, expected in rows.items():
         assert list(store.rows("survey_answers" if name == "answers" else name)) == expected
@@ -394,9 +395,11 @@ def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
 async def test_writes_happen_in_the_order_asked_even_for_one_who_left(tmp_path: Path) -> None:
     store = AsyncStore(open_store(tmp_path))
     who = (await store.run(lambda opened: enrol(opened))).participant
-    waiting = [
-        asyncio.ensure_future(store.run(lambda opened, n=n: append_tick(opened, tick_row(who, n)))) for n in range(20)
-    ]
+
+    def write(number: int) -> Callable[[Store], None]:
+        return lambda opened: append_tick(opened, tick_row(who, number))
+
+    waiting = [asyncio.ensure_future(store.run(write(number))) for number in range(20)]
     await asyncio.sleep(0)  # let every task hand its write over
     waiting[19].cancel()
     await asyncio.gather(*waiting, return_exceptions=True)

@@ -230,7 +230,7 @@ def store_study(store: Store, data: DataSet, kind: EnrolmentKind = "study") -> l
             shipped_study(), seed=row.seed, public_id=f"{kind}{row.participant}", utc=UTC, order=order, kind=kind
         )
         names[row.participant] = made.participant
-    rows = {
+    rows: dict[str, Any] = {
         {"survey_answers": "answers"}.get(name, name): [
             replace(row, participant=names[row.participant]) for row in table
         ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 Vector = tuple[float, float, float]
@@ -42,7 +43,8 @@ def unit(raw: Sequence[float]) -> Vector:
 ACTIONS = [unit(raw) for raw in RAW_ACTIONS]
 
 
-def continued_action(momentum: Sequence[float]) -> int | None:
+@cache  # it is asked again for every action and goal
+def continued_action(momentum: Vector) -> int | None:
     """The move at the smallest angle to the momentum, None at rest."""
     if math.sqrt(sum(component * component for component in momentum)) < 1e-9:
         return None
@@ -150,7 +152,7 @@ def evaluate_literal(
     if parameters.condition == "teleoperation":
         chosen = 13 if user_index is None else user_index
     else:
-        chosen = choose(score, continued_action(momentum), user_index, feasible, parameters.stickiness)
+        chosen = choose(score, continued_action(state.momentum), user_index, feasible, parameters.stickiness)
     return LiteralEvaluation(likelihood, belief, h, gains, rewards, score, chosen)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from multiprocessing.connection import Connection
+from typing import Any, TypeVar, cast
 
 import pytest
 
+from app.autonomy.actions import Direction
 from app.trial.engine import TrialEngine
-from app.worker.input_latch import Direction
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from app.worker.spectator_view import OnDemandView
 from app.worker.worker import Worker
@@ -19,7 +20,9 @@ UNIX_S = 1_700_000_000.0
 STAYS_OPEN = (1e9, Stop())
 """A lab that stops its worker listens on until the worker has ended."""
 
-ReportType = TypeVar("ReportType", bound=WorkerReport)  # type: ignore[valid-type]
+Schedule = list[tuple[float, WorkerCommand]]
+"""Commands, each with the second at which it arrives."""
+ReportType = TypeVar("ReportType", bound=WorkerReport)
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class SimulatedPipe:
 
 def beats(
     start_s: float, end_s: float, seq: int = 0, direction: Direction | None = None, every_s: float = 0.1
-) -> list[tuple[float, WorkerCommand]]:
+) -> Schedule:
     """A page's heartbeats."""
     count = round((end_s - start_s) / every_s) + 1
     return [(start_s + every_s * k, ControlsState(seq, direction, beat=True)) for k in range(count)]
@@ -87,7 +90,8 @@ def simulate(
     assert any(isinstance(command, Stop) for _, command in schedule)
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
     monkeypatch.setattr("app.worker.worker.time", pipe)
-    Worker(pipe, spec, TrialEngine(spec.setup, robot, spec.start), scene, spectator_view).serve()  # type: ignore[arg-type]
+    engine = TrialEngine(spec.setup, robot, spec.start)
+    Worker(cast(Connection, pipe), spec, engine, scene, spectator_view).serve()
     return pipe.sent
 
 

@@ -25,7 +25,8 @@ def shipped_study() -> Study:
 
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:
     """One tick and everything that happened in it, as one commit."""
-    store.commit(Batch(**{"practice_ticks" if practice else "ticks": (row,)}, **rows))
+    ticks: dict[str, Any] = {"practice_ticks" if practice else "ticks": (row,)}
+    store.commit(Batch(**ticks, **rows))
 
 
 def tick_row(participant: str, tick: int = 0, **changes: Any) -> TickRow:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from app.replication.paper import CONDITIONS_IN_ORDER, REPORTED
-from app.replication.studies import SURVEYS, Values
+from app.replication.studies import SURVEYS, Key, Values
 from study.analysis.observations import Observation
 
 ORDERS = tuple(itertools.permutations(CONDITIONS_IN_ORDER))
@@ -15,7 +15,7 @@ ORDERS = tuple(itertools.permutations(CONDITIONS_IN_ORDER))
 
 def as_the_paper_found(rng: np.random.Generator, participants: int = 12, effect: float = 1.0) -> Values:
     """Values with the paper's means and SDs; `effect` 0 puts every condition at pure teleoperation's mean."""
-    found = {}
+    found: dict[Key, tuple[Observation, ...]] = {}
     for item in REPORTED:
         rows = []
         for person in range(participants):

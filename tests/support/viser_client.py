@@ -20,7 +20,8 @@ def decoded(frame: bytes) -> list[dict[str, Any]]:
     """The messages of one frame: sizes, then zstd-compressed msgpack (viser 1.1, its WebsocketClientWorker.ts)."""
     unpacked, packed = (int.from_bytes(frame[start : start + 8], "little") for start in (0, 8))
     body = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], max_output_size=unpacked)
-    return msgspec.msgpack.decode(body)["messages"]
+    messages: list[dict[str, Any]] = msgspec.msgpack.decode(body)["messages"]
+    return messages
 
 
 def camera_message(width: int = 1280, height: int = 720) -> bytes:

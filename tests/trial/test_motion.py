@@ -37,7 +37,8 @@ def executed_m(model: TransitionModel, momentum: Vector3, action: tuple[int, int
     for _ in range(SLICES_PER_TICK):
         robot.advance()
     assert not verdict.blocked and verdict.reason is None
-    return np.array(robot.observe().position_world_gripper_m) - before
+    moved_m: np.ndarray = np.array(robot.observe().position_world_gripper_m) - before
+    return moved_m
 
 
 @settings(max_examples=150, deadline=None)

@@ -6,8 +6,11 @@ import json
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from app.autonomy.actions import Direction
 from app.autonomy.arbiter import ArbiterParameters
 from app.trial.engine import TrialEngine
 from app.trial.values import CycleStart, RobotTiming, UserInput
@@ -62,6 +65,13 @@ def action(row: TickRow) -> tuple[int | None, int | None, int | None]:
     return row.action_x, row.action_y, row.action_z
 
 
+def whole(direction: tuple[int | None, int | None, int | None]) -> Direction:
+    """A direction that is there."""
+    x, y, z = direction
+    assert x is not None and y is not None and z is not None
+    return x, y, z
+
+
 BLANK = (None, None, None)
 STILL = (0.0, 0.0, 0.0)
 
@@ -114,15 +124,20 @@ def test_an_assisting_robot_does_what_the_row_alone_says_it_should(condition: st
         literal = evaluate_literal(
             position(row), momentum(row), list(goals.values()), list(belief.values()), None, parameters(condition)
         )
-        assert 9 * (row.action_x + 1) + 3 * (row.action_y + 1) + row.action_z + 1 == literal.chosen  # type: ignore[user_input]
+        x, y, z = whole(action(row))
+        assert 9 * (x + 1) + 3 * (y + 1) + z + 1 == literal.chosen
     assert any(row.source == "robot" for row in rows)
 
 
 def test_an_arbiter_that_chooses_to_stay_is_not_an_idle_robot() -> None:
     """With no way open the best that can be done is to stay: zeros, where an idle robot leaves blanks."""
-    robot = StagedRobot()
-    robot.feasible = lambda displacements_m: (displacements_m == 0.0).all(axis=1)  # type: ignore[method-assign]
-    row = opened(trial_setup("goal_oriented"), robot).tick().row
+
+    class HemmedIn(StagedRobot):
+        def feasible(self, displacements_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+            still: NDArray[np.bool_] = (displacements_m == 0.0).all(axis=1)
+            return still
+
+    row = opened(trial_setup("goal_oriented"), HemmedIn()).tick().row
     assert (row.source, action(row), row.blocked) == ("robot", (0, 0, 0), 0)
 
 
@@ -273,7 +288,7 @@ def literal_posterior(row: TickRow, prior: list[float], given: ArbiterParameters
     """Equations 1 to 6 on what the row says."""
     state = LiteralState(position(row), momentum(row))
     goals = json.loads(row.goals).values()
-    index = RAW_ACTIONS.index(user(row))  # type: ignore[arg-type]
+    index = RAW_ACTIONS.index(whole(user(row)))
     by_goal = [likelihoods(state, goal, given.transition, given.rationality_per_m)[index] for goal in goals]
     return posterior_after(prior, by_goal)
 

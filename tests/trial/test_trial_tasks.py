@@ -42,6 +42,21 @@ def summary(task: TaskRow) -> tuple[int, str, str, str | None]:
     return task.task, task.kind, task.outcome, task.reason
 
 
+def lifts(height_m: float) -> Stage:
+    """The target is held, that far above its rest."""
+    return lambda world: world.hold(TARGET, height_m)
+
+
+def slips(position_m: Vector3, *, settled: bool = True) -> Stage:
+    """The target leaves the hand and is there."""
+
+    def stage(world: StagedRobot) -> None:
+        world.hold(None)
+        world.put(TARGET, position_m, settled=settled)
+
+    return stage
+
+
 def idle_until_over(robot: StagedRobot, pickups: list[tuple[str, str]] = ONE) -> list[TickResult]:
     """Nobody drives; things happen as staged."""
     return drive(opened(trial_setup(pickups=pickups), robot), lambda _: HANDS_OFF, at_most=60)
@@ -76,9 +91,7 @@ def test_a_delivered_object_is_no_goal_any_more() -> None:
 
 def test_a_pickup_ends_with_the_tick_that_lifts_the_object_three_centimetres() -> None:
     heights = (0.0, 0.02, 0.0299, 0.03, 0.1)
-    robot = StagedRobot(
-        {k: lambda world, h=h: world.hold(TARGET, h + 1e-9 * (h == 0.03)) for k, h in enumerate(heights)}
-    )
+    robot = StagedRobot({tick: lifts(height + 1e-9 * (height == 0.03)) for tick, height in enumerate(heights)})
     results = run(opened(trial_setup(), robot), [HANDS_OFF] * 5)
     assert [bool(result.tasks) for result in results] == [False, False, False, True, False]
     assert [result.row.kind for result in results] == ["pickup"] * 4 + ["dropoff"]
@@ -110,8 +123,8 @@ LYING = (0.77, 0.43, 0.76)
         (lambda world: world.put(TARGET, (1.05, 0.55, 0.85)), "out_of_reach"),
     ],
 )
-def test_a_lost_object_is_a_failed_pickup_and_its_dropoff_is_not_run(place: object, reason: str) -> None:
-    robot = StagedRobot({3: place})  # type: ignore[dict-item]
+def test_a_lost_object_is_a_failed_pickup_and_its_dropoff_is_not_run(place: Stage, reason: str) -> None:
+    robot = StagedRobot({3: place})
     results = idle_until_over(robot)
     pickup, dropoff = tasks_of(results)
     assert summary(pickup) == (1, "pickup", "failure", reason)
@@ -192,7 +205,7 @@ def test_an_object_that_slips_while_it_is_carried_ends_the_dropoff_where_it_land
     robot = StagedRobot(
         {
             0: lambda world: world.hold(TARGET, 0.05),
-            3: lambda world: (world.hold(None), world.put(TARGET, (0.70, 0.2, 0.5), settled=False)),
+            3: slips((0.70, 0.2, 0.5), settled=False),
             5: lambda world: world.put(TARGET, (0.60, 0.1, 0.05)),
         }
     )
@@ -221,7 +234,7 @@ def test_an_object_that_never_settles_is_judged_as_it_lies(timeout_ticks: int) -
     robot = StagedRobot(
         {
             0: lambda world: world.hold(TARGET, 0.05),
-            1: lambda world: (world.hold(None), world.put(TARGET, (0.52, 0.48, 0.1), settled=False)),
+            1: slips((0.52, 0.48, 0.1), settled=False),
         }
     )
     timing = RobotTiming(settle_timeout_ticks=timeout_ticks)
@@ -235,7 +248,7 @@ def test_a_dropoff_is_not_judged_before_the_fingers_are_open() -> None:
     released = StagedRobot(
         {
             0: lambda world: world.hold(TARGET, 0.05),
-            2: lambda world: (world.hold(None), world.put(TARGET, (0.52, 0.48, 0.1))),
+            2: slips((0.52, 0.48, 0.1)),
         }
     )
     timing = RobotTiming(gripper_ticks=4)

@@ -13,12 +13,12 @@ from typing import Any
 import httpx
 import pytest
 
-from app.simulated.bot import Entrance, run_bot
+from app.simulated.bot import Entrance, open_wire, run_bot
 from app.web.join_api import JOINS_A_MINUTE
 from app.wire import Error, Ping
 from study.flow.eligibility import PINGS
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import Player, command, events, invite, open_wire, stored
+from tests.support.wire_client import Player, command, events, invite, stored
 
 numbers = itertools.count(1)
 
@@ -59,7 +59,8 @@ def people(lab: LabServer, search: str = "") -> list[dict[str, Any]]:
 
 def recruitment(lab: LabServer) -> dict[str, Any]:
     found: dict[str, Any] = httpx.get(f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False).json()
-    return found["recruitment"]  # type: ignore[no-any-return]
+    told: dict[str, Any] = found["recruitment"]
+    return told
 
 
 def entrance(lab: LabServer, browser: httpx.Client, reply: dict[str, Any]) -> Entrance:
@@ -165,7 +166,8 @@ def test_two_presses_at_once_make_one_participant(open_lab: LabServer) -> None:
 
     def press(_: int) -> str:
         with httpx.Client(base_url=open_lab.base_url, trust_env=False) as browser:
-            return join(browser, person).json()["page"]  # type: ignore[no-any-return]
+            page: str = join(browser, person).json()["page"]
+            return page
 
     with ThreadPoolExecutor(4) as pool:
         assert len(set(pool.map(press, range(4)))) == 1

@@ -12,6 +12,7 @@ import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.typing import Origin
 
 from app.wire import Heartbeat, Notice
 from tests.support.dashboard_client import Line, dashboard, socket_url
@@ -65,7 +66,7 @@ async def test_without_the_token_nothing_is_told(quick_lab: LabServer, hello: An
 
 async def test_another_sites_page_is_not_let_in(quick_lab: LabServer) -> None:
     with pytest.raises(InvalidStatus) as refused:
-        async with connect(socket_url(quick_lab), proxy=None, origin="http://elsewhere.example"):  # type: ignore[arg-type]
+        async with connect(socket_url(quick_lab), proxy=None, origin=Origin("http://elsewhere.example")):
             pass
     assert refused.value.response.status_code == 403
 

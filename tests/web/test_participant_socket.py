@@ -7,16 +7,17 @@ import contextlib
 import itertools
 import json
 import random
-from typing import Any
+from typing import Any, cast
 
 import pytest
-from fastapi import WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 from websockets.asyncio.client import connect
 
 from app.config import LabConfig
+from app.session.session import LiveSession
 from app.simulated.bot import BotError, enter
 from app.web import participant_socket as sockets
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Input, Message, Page, Ping
@@ -109,7 +110,8 @@ async def consent_player(link: str) -> Any:
 
 
 async def test_steps_of_other_states_are_refused_with_what_is_allowed(consent_player: Player) -> None:
-    for step, data in (("start", {}), ("continue", {}), ("resume", {}), ("debrief", {"answers": {}})):
+    steps: dict[str, dict[str, Any]] = {"start": {}, "continue": {}, "resume": {}, "debrief": {"answers": {}}}
+    for step, data in steps.items():
         error = await consent_player.refused(step, data)
         assert (error.code, error.field) == ("illegal", "step")
         assert "'consent'" in error.message and "consent_given" in error.message
@@ -260,7 +262,8 @@ class StalledSocket:
     async def receive(self) -> dict[str, Any]:
         if next(self._first) == 0:
             return {"type": "websocket.receive", "text": Hello(protocol=PROTOCOL_VERSION, client="x").model_dump_json()}
-        return await asyncio.Event().wait()  # type: ignore[return-value]
+        await asyncio.Event().wait()
+        raise AssertionError("it says nothing more")
 
     async def send_text(self, data: str) -> None:
         await asyncio.Event().wait()
@@ -270,7 +273,7 @@ class StalledSocket:
 
 
 class Recorder:
-    """A session that remembers who came and went."""
+    """Stands for a session: it remembers who came and went."""
 
     def __init__(self) -> None:
         self.attached: asyncio.Queue[sockets.SocketClient] = asyncio.Queue()
@@ -283,9 +286,14 @@ class Recorder:
         self.gone.append(client)
 
 
+async def serve(socket: StalledSocket, session: Recorder) -> None:
+    """The lab's side of that socket and session."""
+    await sockets.serve(cast(WebSocket, socket), cast(LiveSession, session), "participant")
+
+
 async def test_a_page_that_takes_nothing_is_cut_off_and_blocks_nobody() -> None:
     socket, session = StalledSocket(), Recorder()
-    serving = asyncio.create_task(sockets.serve(socket, session, "participant"))  # type: ignore[arg-type]
+    serving = asyncio.create_task(serve(socket, session))
     client = await asyncio.wait_for(session.attached.get(), 5.0)
     for number in range(sockets.MAX_QUEUED + 2):
         client.deliver(Ping(n=number))  # returns at once, every time
@@ -315,7 +323,7 @@ class LeavingSocket(StalledSocket):
 @pytest.mark.parametrize("frames", [(), ("{",)], ids=["silent", "while it is being answered"])
 async def test_a_page_that_leaves_before_hello_is_no_error(frames: tuple[str, ...]) -> None:
     session = Recorder()
-    await asyncio.wait_for(sockets.serve(LeavingSocket(*frames), session, "participant"), 5.0)  # type: ignore[arg-type]
+    await asyncio.wait_for(serve(LeavingSocket(*frames), session), 5.0)
     assert session.attached.empty() and session.gone == []
 
 

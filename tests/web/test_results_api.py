@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from app.web.results_api import summarise
+from study.flow.roster import EnrolmentKind
 from study.store import Batch, open_store
 from tests.support.lab_server import LabServer
 from tests.support.study_samples import UTC, alert_row, answer_row, shipped_study, trial_row
@@ -59,13 +60,10 @@ def test_a_trial_that_has_not_ended_has_no_verdict_to_override(quick_lab: LabSer
 def test_the_summary_counts_and_scores_complete_questionnaires_of_completed_trials_of_the_study(tmp_path: Path) -> None:
     scales = ("mental_demand", "physical_demand", "temporal_demand", "performance", "effort", "frustration")
     with open_store(tmp_path / "data") as store:
-        for number, kind in enumerate(("study", "study", "study", "pilot", "demo", "study")):
+        kinds: tuple[EnrolmentKind, ...] = ("study", "study", "study", "pilot", "demo", "study")
+        for number, kind in enumerate(kinds):
             who = store.create_participant(
-                shipped_study(),
-                seed=number,
-                public_id=f"{number}",
-                utc=UTC,
-                kind=kind,  # type: ignore[arg-type]
+                shipped_study(), seed=number, public_id=f"{number}", utc=UTC, kind=kind
             ).participant
             given = scales[:-1] if number == 2 else scales
             store.commit(

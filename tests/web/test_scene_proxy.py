@@ -64,7 +64,7 @@ def test_the_page_comes_compressed_once_and_not_again() -> None:
 
 
 def test_without_viser_the_error_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene_proxy.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(SceneError, match="viser is not installed"):
         scene_proxy.client_path()
 
@@ -211,7 +211,8 @@ async def test_no_scene_no_viser_client_and_too_much_end_cleanly() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as unused:
         dead_port = unused.getsockname()[1]
     async with proxied(dead_port, []) as url:
-        for protocols, code in ([[Subprotocol(PROTOCOL)], 1013], [None, 1002]):
+        closings: tuple[tuple[list[Subprotocol] | None, int], ...] = (([Subprotocol(PROTOCOL)], 1013), (None, 1002))
+        for protocols, code in closings:
             async with connect(url, subprotocols=protocols, proxy=None) as browser:
                 with pytest.raises(ConnectionClosed) as closed:
                     await asyncio.wait_for(browser.recv(), TIMEOUT_S)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import multiprocessing
 from dataclasses import replace
-from typing import Any
+from multiprocessing.connection import Connection
+from typing import Any, cast
 
 import pytest
 
@@ -42,7 +43,7 @@ from tests.support.engine_cases import (
     run,
     trial_setup,
 )
-from tests.support.simulated_pipe import STAYS_OPEN, UNIX_S, SimulatedPipe, beats, of, simulate
+from tests.support.simulated_pipe import STAYS_OPEN, UNIX_S, Schedule, SimulatedPipe, beats, of, simulate
 
 TIMEOUT_S = 0.5
 
@@ -73,7 +74,8 @@ def test_ticks_start_on_the_grid_and_are_reported_after_their_last_slice(monkeyp
     assert [report.started_unix_s - UNIX_S for report in ticked] == pytest.approx([1.0, 1.5, 2.0, 2.5])
     last_slice_s = (SLICES_PER_TICK - 1) * SLICE_S
     assert [entry.at_s for entry in sent[1:]] == pytest.approx([at + last_slice_s for at in (1.0, 1.5, 2.0, 2.5)])
-    assert [(report.late_ms, report.missed) for report in ticked] == [(pytest.approx(0.0, abs=1e-6), 0)] * 4
+    on_time: Any = pytest.approx(0.0, abs=1e-6)
+    assert [(report.late_ms, report.missed) for report in ticked] == [(on_time, 0)] * 4
 
 
 def test_the_first_tick_of_a_trial_follows_no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +173,8 @@ def test_what_was_held_down_before_a_silence_is_not_taken_up_again_on_an_old_mes
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A heartbeat from before the last input arrives late: somebody is there, but what they do now is not known."""
-    schedule = [(0.9, ControlsState(2, FORWARD)), (1.0, Begin()), *beats(3.2, 4.0, 1, FORWARD), (3.9, Stop())]
+    first: Schedule = [(0.9, ControlsState(2, FORWARD)), (1.0, Begin())]
+    schedule = [*first, *beats(3.2, 4.0, 1, FORWARD), (3.9, Stop())]
     rows = [report.result.row for report in of(simulate(monkeypatch, spec(), KinematicRobot(), schedule), Ticked)]
     assert [row.source for row in rows] == ["user", "idle"]
 
@@ -279,7 +282,7 @@ def test_in_lockstep_every_input_runs_one_tick_and_a_heartbeat_none(monkeypatch:
 
 
 def test_in_lockstep_nothing_runs_before_begin_or_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
-    commands = [
+    commands: list[WorkerCommand] = [
         ControlsState(1, FORWARD),
         Begin(),
         ControlsState(2, LEFT),
@@ -425,7 +428,7 @@ def run_in_place(monkeypatch: pytest.MonkeyPatch, pipe: Pipe, robot: StagedRobot
     monkeypatch.setattr("app.worker.worker.time", pipe)
     monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
     monkeypatch.setattr("app.worker.worker.make_robot", lambda name: robot)
-    run_worker(pipe, spec("lockstep"))  # type: ignore[arg-type]
+    run_worker(cast(Connection, pipe), spec("lockstep"))
 
 
 def test_a_worker_whose_lab_is_gone_ends_and_lets_go_of_its_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -450,7 +453,7 @@ def test_a_robot_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch
     pipe = Pipe([(0.0, Stop())])
     monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
     with pytest.raises(RuntimeError):
-        run_worker(pipe, replace(spec(), robot="steam"))  # type: ignore[arg-type]
+        run_worker(cast(Connection, pipe), replace(spec(), robot="steam"))
     (failed,) = of(pipe.sent, Failed)
     assert "steam" in failed.reason and "kinematic" in failed.reason
     assert pipe.closed
