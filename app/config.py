@@ -67,7 +67,7 @@ class LabConfig:
     study_file: Path | None = None
     """The study to run; None = the paper's."""
     robot: str = "bullet"
-    """Which robot moves: a name of `app.trial.robots.ROBOTS`."""
+    """Which robot moves: a name in `app.trial.robots.ROBOTS`, or one that an installed package registers."""
     pace: Pace = "real_time"
     """How new participants are paced unless the API says otherwise."""
     scene: bool = True

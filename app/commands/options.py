@@ -8,6 +8,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
+from app.registry import Registry
+
 MAX_PORT = 65535
 
 
@@ -19,6 +21,17 @@ def number(help: str) -> Any:
 def choice(names: Sequence[str], help: str) -> Any:
     """An option that takes one of these names."""
     return typer.Option(metavar="|".join(names), parser=one_of(names), help=help)
+
+
+def registered(registry: Registry, help: str) -> Any:
+    """An option that takes the name of a part: one that ships, or one that an installed package registers."""
+
+    def known(text: str) -> str:
+        if text not in registry.shipped and text not in registry.names:  # looking the others up takes a while
+            raise typer.BadParameter(f"{text!r} is not one of {', '.join(registry.names)}")
+        return text
+
+    return typer.Option(metavar="|".join(registry.shipped), parser=known, help=help)
 
 
 def folder(help: str) -> Any:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.commands.groups import SIMULATE_AND_ANALYSE
-from app.commands.options import SeveralValues, choice, file, folder, number
+from app.commands.options import SeveralValues, choice, file, folder, number, registered
 from app.simulated.presets import PRESET_NAMES
 from app.trial.robots import ROBOTS
 
@@ -46,7 +46,7 @@ def replicate(
     participants: Annotated[int, number("people in each")] = PEOPLE_A_STUDY,
     seed: Annotated[int, number("of everything random")] = 2020,
     workers: Annotated[int, number("processes; the results are the same for any number")] = 1,
-    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = "kinematic",
+    robot: Annotated[str, registered(ROBOTS, "which robot moves")] = "kinematic",
     preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
     vary: Annotated[int, number("studies run again for each thing varied; 0 = none")] = 5,
     out: Annotated[Path | None, folder("folder for the report and for going on later")] = None,

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import typer
 
 from app.commands.groups import RUN_A_STUDY
-from app.commands.options import choice, file, folder, port_number
+from app.commands.options import choice, file, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
 from app.errors import LabError
 from app.trial.robots import ROBOTS
@@ -41,7 +41,7 @@ def serve(
         str | None, typer.Option("--public-url", metavar="URL", help="what links begin with, behind a proxy")
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
-    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = DEFAULTS.robot,
+    robot: Annotated[str, registered(ROBOTS, "which robot moves")] = DEFAULTS.robot,
     pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
 ) -> None:

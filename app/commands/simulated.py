@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.commands.groups import SIMULATE_AND_ANALYSE
-from app.commands.options import choice, file, folder, number
+from app.commands.options import choice, file, folder, number, registered
 from app.simulated.presets import PRESET_NAMES
 from app.trial.robots import ROBOTS
 
@@ -23,7 +23,7 @@ def simulate(
     out: Annotated[Path, folder("folder to write into, laid out as by `salab export`")],
     participants: Annotated[int, number("how many")] = 12,
     seed: Annotated[int, number("of everything random")] = 7,
-    robot: Annotated[str, choice(ROBOTS, "which robot moves")] = "kinematic",
+    robot: Annotated[str, registered(ROBOTS, "which robot moves")] = "kinematic",
     preset: Annotated[
         str | None,
         choice(

@@ -85,15 +85,15 @@ class Lab:
     # ---- life ---------------------------------------------------------------------------------------------------
 
     def prepare(self) -> None:
-        """What can go wrong before anything is served: the study file and the data folder.
+        """What can go wrong before anything is served: the study file, the robot, the data folder.
 
-        Raises `StudyError` (of which the study file's and the store's errors are kinds).
+        Raises `StudyError` (of which the study file's and the store's errors are kinds), or `LabError` for a robot that
+        cannot be made.
         """
         study = open_study(self.config.study_file)
         self._setup = self._setups[study.hash] = study_setup(study)
+        warm_up(self._workers, self.config.robot)
         self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
-
-        warm_up(self._workers)
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""

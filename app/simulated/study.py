@@ -83,8 +83,7 @@ def setup_of(study_text: str) -> StudySetup:
 
 def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None) -> Plan:
     """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`."""
-    if robot not in ROBOTS:
-        raise LabError(f"no robot {robot!r}; robots are {', '.join(ROBOTS)}")
+    ROBOTS.place_of(robot)  # says which there are
     if not 0 <= seed <= MAX_SEED:
         raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
     study: Study = changed_study(open_study(study_file), preset_changes(preset))

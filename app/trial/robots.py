@@ -1,4 +1,4 @@
-"""Names to concrete parts. A new robot is one new file in `sim/` and one line here.
+"""Names to concrete parts: which robots there are, and the views of a session.
 
 Imports are made when a part is asked for: only worker processes ever load pybullet or viser, and whoever wants the
 names alone loads nothing.
@@ -8,27 +8,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.errors import LabError
+from app.registry import Registry
 
 if TYPE_CHECKING:
     from sim.interface import Robot
     from sim.scene import SceneView
     from sim.spectator import SpectatorView
 
-ROBOTS = ("bullet", "kinematic")
+ROBOTS = Registry(
+    noun="robot",
+    group="salab.robots",
+    shipped={"bullet": "sim.bullet:BulletRobot", "kinematic": "sim.kinematic:KinematicRobot"},
+    methods=("reset", "command", "advance", "observe", "feasible", "close"),
+)
+"""Every robot is a row of this table, or registered by an installed package under `salab.robots`."""
 
 
 def make_robot(name: str) -> Robot:
-    """The robot of that name; `LabError` names the ones there are."""
-    if name == "bullet":
-        from sim.bullet import BulletRobot
-
-        return BulletRobot()
-    if name == "kinematic":
-        from sim.kinematic import KinematicRobot
-
-        return KinematicRobot()
-    raise LabError(f"no robot {name!r}; robots are {', '.join(ROBOTS)}")
+    """The robot of that name. Raises `LabError` as `Registry.load`."""
+    robot: Robot = ROBOTS.load(name)()
+    return robot
 
 
 def make_scene() -> SceneView:

@@ -18,6 +18,8 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
+from app.errors import LabError
+from app.trial.robots import ROBOTS, make_robot
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 
 STOP_WITHIN_S = 3.0
@@ -25,28 +27,44 @@ STOP_WITHIN_S = 3.0
 
 
 def worker_context(robot: str) -> ForkServerContext:
-    """The fork server that workers come from. Call before the process has threads."""
+    """The fork server that workers come from. Call before the process has threads. Raises `LabError` for no robot."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     context = multiprocessing.get_context("forkserver")
-    preload = [
-        "app.worker.worker",
-        "sim.scene",
-        "sim.spectator",
-        "sim.bullet" if robot == "bullet" else "sim.kinematic",
-    ]
-    context.set_forkserver_preload(preload)
+    context.set_forkserver_preload(["app.worker.worker", "sim.scene", "sim.spectator", ROBOTS.module_of(robot)])
     return context
 
 
-def warm_up(context: ForkServerContext) -> None:
-    """Start the fork server and let it make its imports now, so that the first session does not wait for them."""
-    process = context.Process(target=_nothing)
+def warm_up(context: ForkServerContext, robot: str) -> None:
+    """Start the fork server and let it make its imports now, so that the first session does not wait for them.
+
+    Raises `LabError` with one line for a robot that cannot be made: it is tried there, since this process must never
+    load physics.
+    """
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_try_robot, args=(robot, theirs))
     process.start()
+    theirs.close()
+    with ours:
+        try:
+            problem: str | None = ours.recv()
+        except EOFError:
+            process.join()
+            problem = f"robot {robot!r} cannot be made: its process ended with {process.exitcode}"
     process.join()
+    if problem is not None:
+        raise LabError(problem)
 
 
-def _nothing() -> None:
-    """What a worker that only warms up does."""
+def _try_robot(robot: str, connection: Connection) -> None:
+    """Make a robot and let it go, in a worker that only warms up; send the reason why it cannot be, or None."""
+    try:
+        make_robot(robot).close()
+    except LabError as error:
+        connection.send(str(error))
+    except Exception as error:
+        connection.send(f"robot {robot!r} cannot be made: {type(error).__name__}: {error}")
+    else:
+        connection.send(None)
 
 
 def _entry(connection: Connection, spec: WorkerSpec) -> None:

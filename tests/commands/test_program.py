@@ -133,13 +133,13 @@ def test_a_help_loads_nothing_heavy(arguments: str) -> None:
 def test_choices_are_those_of_their_rooms(capsys: pytest.CaptureFixture[str]) -> None:
     for command in COMMANDS:
         metavars = {flag: option.metavar for option in command.options for flag in option.flags}
-        assert metavars.get("--robot", "|".join(ROBOTS)) == "|".join(ROBOTS)
+        assert metavars.get("--robot", "|".join(ROBOTS.shipped)) == "|".join(ROBOTS.shipped)
         assert metavars.get("--preset", "|".join(PRESET_NAMES)) == "|".join(PRESET_NAMES)
     assert set(TRANSITIONS) == {"both", *VARIANTS}
     for preset in PRESET_NAMES:
         assert preset_changes(preset)
     said = refused(capsys, "simulate", "--robot", "wooden", "--out", "x")
-    assert "--robot" in said and "'wooden'" in said and ", ".join(ROBOTS) in said
+    assert "--robot" in said and "'wooden'" in said and ", ".join(ROBOTS.names) in said
     assert "'fast' is not one of real_time, lockstep" in refused(capsys, "serve", "--pace", "fast")
 
 

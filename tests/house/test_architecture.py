@@ -31,7 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.session", "app.replication"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
-    ("app.wire", "app.config"),
+    ("app.wire", "app.config", "app.registry"),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from app.trial.robots import ROBOTS
 from sim import fetch, ik, layouts, objects
-from sim.bullet import BulletRobot
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -39,13 +39,10 @@ MakeRobot = Callable[[], Robot]
 
 
 @pytest.fixture(
-    params=[
-        pytest.param(KinematicRobot, id="kinematic"),
-        pytest.param(BulletRobot, id="bullet", marks=pytest.mark.bullet),
-    ]
+    params=[pytest.param(name, marks=pytest.mark.bullet if name == "bullet" else ()) for name in ROBOTS.shipped]
 )
 def make_robot(request: pytest.FixtureRequest) -> MakeRobot:
-    make: MakeRobot = request.param
+    make: MakeRobot = ROBOTS.load(request.param)
     return make
 
 

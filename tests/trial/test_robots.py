@@ -1,0 +1,85 @@
+"""Robots by their names: those that ship, and those that another installed package brings."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.errors import LabError
+from app.registry import Registry
+from app.trial.robots import ROBOTS, make_robot
+from app.worker.process import warm_up, worker_context
+from tests.support.outside_package import ROBOT, install
+
+
+@pytest.fixture
+def registry() -> Registry:
+    """The robots, looked up anew: a registry remembers what it found."""
+    return Registry(ROBOTS.noun, ROBOTS.group, ROBOTS.shipped, ROBOTS.methods)
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of installed packages, on the path of this process."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "outside_robots", raising=False)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", [pytest.param("bullet", marks=pytest.mark.bullet), "kinematic"])
+def test_a_shipped_robot_is_made_by_its_name(name: str) -> None:
+    robot = make_robot(name)
+    assert type(robot).__name__.lower() == f"{name}robot"
+    robot.close()
+
+
+def test_an_unknown_name_tells_the_ones_there_are() -> None:
+    with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, kinematic"):
+        make_robot("sawyer")
+
+
+def test_another_package_brings_a_robot(site: Path, registry: Registry) -> None:
+    install(site, {"other": "outside_robots:OtherRobot"}, ROBOT)
+    assert registry.names == ("bullet", "kinematic", "other")
+    assert registry.module_of("other") == "outside_robots"
+    assert "outside_robots" not in sys.modules  # nothing is imported to know a name
+    assert registry.load("other").__name__ == "OtherRobot"
+
+
+@pytest.mark.parametrize(
+    ("place", "source", "complaint"),
+    [
+        ("nowhere:Robot", "", r"'other' \(nowhere:Robot\) cannot be loaded: ModuleNotFoundError: .*nowhere"),
+        ("outside_robots:Missing", ROBOT, "cannot be loaded: AttributeError: .*Missing"),
+        ("outside_robots:OtherRobot", "1 / 0", "cannot be loaded: ZeroDivisionError"),
+        (
+            "outside_robots:Half",
+            "class Half:\n    def reset(self): ...\n    def close(self): ...",
+            "lacks command, advance, observe, feasible; it must have reset, command, advance, observe, feasible, close",
+        ),
+    ],
+)
+def test_a_robot_that_cannot_be_loaded_is_one_line(
+    site: Path, registry: Registry, place: str, source: str, complaint: str
+) -> None:
+    install(site, {"other": place}, source)
+    with pytest.raises(LabError, match=complaint) as caught:
+        registry.load("other")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_is_taken_is_refused_whoever_asks(site: Path, registry: Registry) -> None:
+    install(site, {"kinematic": "outside_robots:OtherRobot"}, ROBOT)
+    with pytest.raises(
+        LabError, match=r"outside-robots registers robot 'kinematic', which is sim\.kinematic:.* already"
+    ):
+        _ = registry.names
+
+
+def test_a_robot_that_cannot_be_made_is_told_before_anything_is_served() -> None:
+    context = worker_context("kinematic")
+    warm_up(context, "kinematic")
+    with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, kinematic"):
+        warm_up(context, "sawyer")
