@@ -59,7 +59,9 @@ def shown_to_a_participant(with_spectator: bool) -> dict[tuple[str, str], str]:
                 spectator.draw()
             gone = scene(LAYOUT, [name for name in BELIEF if name != "spray_bottle"])
             view.update(world(gone))
+            # What is said to all and what is said to one go their own ways: the last of each has to be here.
             client.until(type="SetSceneNodeVisibilityMessage", name="/object/spray_bottle", visible=False)
+            client.until(type="SetCameraFovMessage", initial=False)
             told = [{**message, "run_id": None} for message in client.messages]  # a server's own number
             return {(message["type"], message.get("name", "")): repr(message) for message in told}
 
