@@ -17,6 +17,8 @@ from study.analysis.dataset import load
 from study.analysis.figures import Picture, draw_all, looks, objective_figure, stars
 from tests.support.analysis_samples import Wanted, data_set
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:

@@ -15,6 +15,8 @@ from study.analysis.method_text import mean_sd, number, p_value
 from study.analysis.summaries import Summary
 from tests.support.analysis_samples import Wanted, data_set
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def export(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -39,6 +39,8 @@ from tests.support.wire_client import (
     write_study,
 )
 
+pytestmark = pytest.mark.slow
+
 RIGHT: WireDirection = (0, -1, 0)
 LEFT: WireDirection = (0, 1, 0)
 ENDS_WITHIN_S = 20.0
@@ -81,7 +83,6 @@ def contiguous(rows: tuple[TickRow, ...]) -> bool:
 # --- a worker ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 async def test_a_killed_worker_costs_no_tick(launch: Callable[[], LabServer]) -> None:
     lab = launch()
     made = invite(lab)
@@ -170,7 +171,6 @@ def wait_for_end(pid: int) -> None:
             os.close(descriptor)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("end", ["kill", "close"])
 async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callable[[], LabServer], end: str) -> None:
     lab = launch()
@@ -222,7 +222,6 @@ async def test_a_lab_that_ends_in_mid_trial_goes_on_where_it_was(launch: Callabl
         assert events(lab, participant, "lab_restarted")
 
 
-@pytest.mark.slow
 async def test_every_acknowledged_form_survives(launch: Callable[[], LabServer]) -> None:
     lab = launch()
     made = invite(lab)
@@ -243,7 +242,6 @@ async def test_every_acknowledged_form_survives(launch: Callable[[], LabServer])
         await player.status("ready")
 
 
-@pytest.mark.slow
 async def test_a_study_interrupted_again_and_again_is_complete_in_the_end(launch: Callable[[], LabServer]) -> None:
     lab = launch()
     made = invite(lab)

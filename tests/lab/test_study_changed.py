@@ -11,6 +11,8 @@ import pytest
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import SHORT, asked, invite, seen_by_experimenter, stored, visit, write_study
 
+pytestmark = pytest.mark.slow
+
 CHANGES = {
     "another title": {'title = "Moving': 'title = "Changed: moving'},
     "another layout": {'layout = "arc"': 'layout = "rows"'},
@@ -31,7 +33,6 @@ def launch(start_lab: Callable[..., LabServer], tmp_path: Path) -> Callable[...,
     return start
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("what", sorted(CHANGES))
 async def test_who_was_enrolled_before_a_change_goes_on(launch: Callable[..., LabServer], what: str) -> None:
     lab = launch({})

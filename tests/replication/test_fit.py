@@ -25,6 +25,8 @@ from app.simulated.variants import changed_study, fitted, fitted_population
 from app.trial.world import open_study
 from study.analysis.measures import Measures
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def shipped() -> Measures:

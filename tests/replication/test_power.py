@@ -17,6 +17,8 @@ from app.replication.power import Power, choose_people, curves, power, table, wr
 from app.replication.studies import Pool
 from tests.support.study_values import ORDERS, as_the_paper_found
 
+pytestmark = pytest.mark.slow
+
 DIFFERENT = [claim for claim in CLAIMS if claim.verdict == "different" and claim.measure not in CIRCULAR]
 
 
@@ -62,7 +64,6 @@ def test_without_an_effect_there_is_no_power() -> None:
     assert np.mean([chances[0] for chances in nothing.chances.values()]) < 0.1
 
 
-@pytest.mark.slow
 def test_two_processes_find_the_same() -> None:
     rng = np.random.default_rng(5)
     studies = [as_the_paper_found(rng)]

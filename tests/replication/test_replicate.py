@@ -23,6 +23,8 @@ from app.simulated.variants import changed_study, fitted_population, preset_chan
 from app.trial.world import open_study
 from tests.support.study_values import as_the_paper_found
 
+pytestmark = pytest.mark.slow
+
 
 def small_plan() -> Plan:
     study = changed_study(open_study(None), {"": {"pickups_per_trial": 1}, **preset_changes("fitted")})
@@ -135,7 +137,6 @@ def test_studies_differ_and_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert run_studies(small_plan(), 2, 2, 1, tmp_path / "studies") == first
 
 
-@pytest.mark.slow
 def test_two_processes_find_the_same() -> None:
     assert run_studies(small_plan(), 2, 1, 2, None) == run_studies(small_plan(), 2, 1, 1, None)
 

@@ -24,6 +24,8 @@ from study.export.export import read_meta, read_table
 from study.records import TABLES
 from tests.support.jobs import dies, fails_at_two
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"": {"pickups_per_trial": 1}, **preset_changes("fitted")}
 
@@ -59,7 +61,6 @@ def test_orders_are_taken_in_turn(export: Path) -> None:
     assert taken == list(orders(study)[:3])
 
 
-@pytest.mark.slow
 def test_two_processes_leave_the_same_bytes(export: Path, tmp_path: Path) -> None:
     simulate(small_plan(), 3, 2, tmp_path / "out", "fitted")
     assert files(tmp_path / "out") == files(export)

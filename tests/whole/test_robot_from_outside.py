@@ -14,6 +14,8 @@ from tests.support.lab_server import ROOT, LabDidNotStart, LabServer
 from tests.support.outside_package import ROBOT, install
 from tests.support.wire_client import asked, invite, visit, write_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
@@ -36,7 +38,6 @@ async def test_it_runs_a_live_session(
         assert [(await player.tick((1, 0, 0))).tick for _ in range(4)] == [0, 1, 2, 3]
 
 
-@pytest.mark.slow
 def test_it_runs_simulated_people_as_the_robot_it_is(environment: dict[str, str], tmp_path: Path) -> None:
     def simulated(robot: str) -> Path:
         out = tmp_path / robot
