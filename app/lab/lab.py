@@ -52,6 +52,10 @@ class NoSuchParticipant(LabError):
     """An id that belongs to nobody."""
 
 
+class StudyUnreadable(LabError):
+    """Somebody was enrolled with a study file that this version of the lab does not take any more."""
+
+
 class Lab:
     """Owns the store, the fork server and the live sessions. `open` before use, `close` at the end.
 
@@ -344,13 +348,20 @@ class Lab:
         return LiveSession(enrolment, stored.session, resumed, services)
 
     async def study_of(self, stored: StoredSession) -> Study:
-        """The study a participant was enrolled in, even when the lab now runs another."""
+        """The study a participant was enrolled in, even when the lab now runs another. Raises `StudyUnreadable`."""
         return (await self._setup_of(stored.study_hash)).study
 
     async def _setup_of(self, study_hash: str) -> StudySetup:
         if study_hash not in self._setups:
             text = await self.store.run(lambda store: store.study_text(study_hash))
-            study = parse_text(text, f"stored study {study_hash[:12]}")
+            try:
+                study = parse_text(text, f"stored study {study_hash[:12]}")
+            except StudyError as error:
+                problem = str(error).splitlines()[0]
+                raise StudyUnreadable(
+                    f"this version of the lab cannot read the study they were enrolled with: {problem}; "
+                    "open the data folder with the version that enrolled them"
+                ) from None
             self._setups[study_hash] = await asyncio.to_thread(study_setup, study)
         return self._setups[study_hash]
 
@@ -425,4 +436,4 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
     )
 
 
-__all__ = ["Invitation", "Lab", "NoSuchParticipant"]
+__all__ = ["Invitation", "Lab", "NoSuchParticipant", "StudyUnreadable"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import time
 from collections import defaultdict
@@ -13,6 +14,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.lab.lab import StudyUnreadable
 from app.session.commands import NotNow
 from app.web.access import Experimenter, ExperimenterRoute, TheLab
 from study.definition.study import Study
@@ -144,7 +146,10 @@ async def override(participant: str, trial: int, body: OverrideRequest, lab: The
 @router.get("/summary")
 async def summary(lab: TheLab, who: Experimenter) -> SummaryReply:
     """Trials by outcome, readings by what became of them, and mean questionnaire scores by condition."""
-    studies = {stored.participant: await lab.study_of(stored) for stored in await lab.stored_sessions()}
+    studies = {}
+    for stored in await lab.stored_sessions():
+        with contextlib.suppress(StudyUnreadable):  # nobody can say how theirs are scored
+            studies[stored.participant] = await lab.study_of(stored)
     return await asyncio.to_thread(summarise, lab.store.store, studies)
 
 
@@ -172,7 +177,7 @@ def summarise(store: Store, studies: Mapping[str, Study]) -> SummaryReply:
     scores: dict[tuple[str, str], list[float]] = defaultdict(list)
     for (participant, condition, _, instrument), given in answers.items():
         if participant not in studies:
-            continue  # enrolled while the studies were read
+            continue  # enrolled while the studies were read, or with a study that cannot be
         form = forms[studies[participant].hash].get(instrument, instrument)
         try:
             scores[instrument, condition].append(score(form, given))

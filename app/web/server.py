@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -16,7 +17,7 @@ from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
 
 from app.errors import LabError
-from app.lab.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant, StudyUnreadable
 from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.web import participant_socket as sockets
@@ -29,6 +30,8 @@ from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
 from app.web.sessions_api import add_sessions_api
+
+log = logging.getLogger(__name__)
 
 STATIC = Path(__file__).resolve().parents[2] / "static"
 MAX_BODY_BYTES = 1_000_000
@@ -199,6 +202,8 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
                 return await lab.session(holder[0])
         except NoSuchParticipant:  # erased in this moment
             pass
+        except StudyUnreadable as error:
+            log.error("a participant's page was turned away: %s", error)
         await websocket.close(1008)
         return None
 

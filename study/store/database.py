@@ -34,9 +34,9 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
         raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = _lock(folder) if exclusive else None
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
+    lock = _lock(folder) if exclusive else None
     database = Database(path, lock)
     try:
         database.prepare(is_reader=must_exist)
@@ -47,8 +47,11 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
 
 
 def _lock(folder: Path) -> IO[str]:
-    """The folder's lock, held until it is closed. Raises `StoreError` when a lab holds it."""
-    lock = (folder / LOCK_NAME).open("w")
+    """The folder's lock, held until it is closed. Raises `StoreError` when a lab holds it, or it cannot be made."""
+    try:
+        lock = (folder / LOCK_NAME).open("w")
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -112,7 +115,7 @@ class Database:
             elif is_reader:
                 raise StoreError(f"{self.path}: no lab data here, the database is empty")
         if revision is not None and revision != migration.HEAD:
-            self._bring_up(revision)
+            self._bring_up()
             is_marked = True
         if is_reader:
             return
@@ -125,17 +128,36 @@ class Database:
                 migration.mark(connection)
             connection.execute(insert_or_update(MACHINES).values(machine).on_conflict_do_nothing())
 
-    def _bring_up(self, revision: str) -> None:
+    def _bring_up(self) -> None:
         """Make an older file one of this version, after copying it aside; nobody else has it open meanwhile."""
         lock = None if self._lock else _lock(self.path.parent)
         try:
-            migration.copy_aside(self.path, revision)
-            with self.write() as connection:
-                METADATA.create_all(connection, tables=[VERSION])
-                migration.bring_up(connection, self.path, revision)
+            with self.read() as connection:  # again, now that nobody else can be at it
+                existing = set(sql.inspect(connection).get_table_names())
+                revision = migration.revision_of(connection, existing, self.path)
+            if revision != migration.HEAD:
+                migration.copy_aside(self.path, revision)
+                with self._rebuilding() as connection:
+                    METADATA.create_all(connection, tables=[VERSION])
+                    migration.bring_up(connection, self.path, revision)
         finally:
             if lock:
                 lock.close()
+
+    @contextmanager
+    def _rebuilding(self) -> Iterator[sql.Connection]:
+        """A transaction in which whole tables may be replaced: references are checked at its end, not on the way."""
+        with self._told(), self.engine.connect() as connection:
+            driver: Any = connection.connection.driver_connection
+            driver.execute("PRAGMA foreign_keys=OFF")  # which SQLite does outside of transactions only
+            try:
+                with connection.execution_options(begin="BEGIN IMMEDIATE").begin():
+                    yield connection
+                    broken = connection.exec_driver_sql("PRAGMA foreign_key_check").first()
+                    if broken is not None:
+                        raise StoreError(f"{self.path}: a row of {broken[0]} would refer to a {broken[2]} that is gone")
+            finally:
+                driver.execute("PRAGMA foreign_keys=ON")
 
     @contextmanager
     def _told(self) -> Iterator[None]:

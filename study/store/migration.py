@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -87,22 +87,46 @@ def copies_beside(path: Path) -> list[Path]:
 
 
 def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
-    """Run every revision after `revision` in the connection's transaction. Raises `StoreError` when one fails."""
+    """Run every revision after `revision` in the connection's transaction. Raises `StoreError` when one fails.
+
+    The numbers that SQLite must never give out again (those of erased participants) outlive a table that is replaced.
+    """
     from alembic import command
-    from alembic.util import CommandError
 
     connection.execute(VERSION.delete())
     connection.execute(VERSION.insert().values(version_num=revision))
     config = _config()
     config.attributes["connection"] = connection
+    numbers = _numbers_given_out(connection)
     try:
         command.upgrade(config, HEAD)
-    except (CommandError, sql.exc.SQLAlchemyError) as error:
+    except Exception as error:  # whatever a revision raises, the file stays as it was
         line = str(getattr(error, "orig", None) or error).splitlines()[0]
         raise StoreError(
-            f"{path}: cannot be brought from schema {revision} to {HEAD}: {line}; nothing was changed"
+            f"{path}: cannot be brought from schema {revision} to {HEAD}: {type(error).__name__}: {line}; "
+            "nothing was changed"
         ) from error
+    _keep_numbers(connection, path, numbers)
     mark(connection)
+
+
+def _numbers_given_out(connection: sql.Connection) -> dict[str, int]:
+    """The highest number of each table whose numbers are never given out again."""
+    return {row.name: row.seq for row in connection.exec_driver_sql("SELECT name, seq FROM sqlite_sequence")}
+
+
+def _keep_numbers(connection: sql.Connection, path: Path, numbers: Mapping[str, int]) -> None:
+    """Have SQLite go on after these numbers. Raises `StoreError` when a table no longer counts on for ever."""
+    counting = "SELECT name FROM sqlite_master WHERE type = 'table' AND sql LIKE '%AUTOINCREMENT%'"
+    still = set(connection.exec_driver_sql(counting).scalars())
+    for table, number in numbers.items():
+        if table not in still:
+            raise StoreError(
+                f"{path}: the revision would let numbers of {table} be given out again; replace the table with "
+                "table_kwargs={'sqlite_autoincrement': True}; nothing was changed"
+            )
+        connection.exec_driver_sql("DELETE FROM sqlite_sequence WHERE name = ?", (table,))
+        connection.exec_driver_sql("INSERT INTO sqlite_sequence (name, seq) VALUES (?, ?)", (table, number))
 
 
 def _meta() -> dict[str, str]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
+from app.simulated.bot import BotError
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import SHORT, asked, invite, seen_by_experimenter, stored, visit, write_study
 
@@ -79,3 +82,24 @@ async def test_withdrawing_is_as_the_consent_they_gave_said(launch: Callable[...
     for who, state in ((before, "withdrawn"), (after, "erased")):
         response = asked(lab, "POST", f"participants/{who}/withdraw", {})
         assert response.json() == {"participant": who, "state": state}
+
+
+async def test_a_study_that_this_version_cannot_read_hurts_nobody_else(launch: Callable[..., LabServer]) -> None:
+    lab = launch({})
+    before = invite(lab)
+    lab.close()
+    with closing(sqlite3.connect(lab.data_dir / "lab.sqlite")) as database, database:
+        database.execute("UPDATE studies SET text = 'of_another_time = 1' || char(10) || text")
+    lab = launch(CHANGES["another layout"])
+    after = invite(lab)
+    refused = asked(lab, "POST", f"sessions/{before['participant']}/pause", {"reason": None})
+    assert refused.status_code == 503
+    assert "cannot read the study they were enrolled with" in refused.json()["detail"]
+    for route in ("summary", "roster", "sessions"):
+        assert asked(lab, "GET", route).status_code == 200, route
+    with pytest.raises(BotError, match="403"):
+        async with visit(lab.base_url + urlsplit(before["link"]).path):
+            raise AssertionError("was let in")
+    async with visit(lab.base_url + urlsplit(after["link"]).path) as player:
+        await player.reach_trial()
+    assert "Traceback" not in lab.log()

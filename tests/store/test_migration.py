@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 import shutil
 import signal
 import sqlite3
@@ -24,47 +26,55 @@ from study.analysis.dataset import load
 from study.export.export import export, read_meta, read_table
 from study.records import TABLES
 from study.store import StoreError, migration, open_store
+from study.store.database import Database
 from study.store.tables import METADATA
+from tests.support import recordings
 from tests.support.lab_server import ROOT, LabServer
-from tests.support.recordings import (
-    DEMO,
-    ERASED,
-    FINISHED,
-    MIDWAY,
-    PILOT,
-    ROBOTS,
-    TICKS_MIDWAY,
-    recorded_data,
-    recorded_export,
-    study_file,
-)
+from tests.support.recordings import DEMO, ERASED, FINISHED, MIDWAY, PILOT, recorded_data, recorded_export, study_file
+from tests.support.study_samples import shipped_study
 from tests.support.wire_client import asked, events, stored, visit
 
 UTC = "2026-01-01T00:00:00.000Z"
-REVISION = """
+NEXT = f"{int(migration.HEAD) + 1:04d}"
+"""The revision that a later version of the lab would have."""
+REVISION = f'''
 import os, signal
 import sqlalchemy as sql
 from alembic import op
-revision = "0002"
-down_revision = "0001"
+revision = "{NEXT}"
+down_revision = "{migration.HEAD}"
 
 def upgrade():
     with op.batch_alter_table("tasks") as table:
-        table.add_column(sql.Column("attempt", sql.Integer))
-    op.execute("UPDATE tasks SET attempt = 1")
-    {then}
-"""
+        table.add_column(sql.Column("made_up", sql.Integer))
+    op.execute("UPDATE tasks SET made_up = coalesce(made_up, 0) + 1")
+    [then]
+'''
+OLDEST = recordings.SCHEMAS[0]
+Rows = dict[str, list[dict[str, Any]]]
 
 
-def everything(database: Path) -> dict[str, list[tuple[Any, ...]]]:
+def everything(database: Path) -> Rows:
     """Every row of every table but the version's, as it stands in the file."""
     with closing(sqlite3.connect(database)) as connection:
+        connection.row_factory = sqlite3.Row
         names = [row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
         return {
-            name: sorted(connection.execute(f"SELECT * FROM {name}").fetchall(), key=repr)
+            name: [dict(row) for row in connection.execute(f"SELECT * FROM {name} ORDER BY rowid")]
             for name in names
-            if name != "alembic_version" and not name.startswith("sqlite_")
+            if name != "alembic_version"
         }
+
+
+def kept(before: Rows, after: Rows) -> None:
+    """Nothing that stood there is gone or changed; there may be more columns. A revision that changes values on purpose
+    says so here."""
+    for table, rows in before.items():
+        if table in ("meta", "machines"):  # which version and which machine had it open last
+            continue
+        assert len(after[table]) == len(rows), table
+        for old, new in zip(rows, after[table], strict=True):
+            assert {name: new[name] for name in old} == old, table
 
 
 @pytest.fixture
@@ -74,20 +84,41 @@ def later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path
     def become(then: str = "") -> Path:
         folder = tmp_path / "revisions"
         shutil.copytree(migration.REVISIONS, folder)
-        (folder / "versions" / "r0002_test.py").write_text(REVISION.format(then=then), encoding="utf-8")
+        (folder / "versions" / "made_up.py").write_text(REVISION.replace("[then]", then), encoding="utf-8")
         monkeypatch.setattr(migration, "REVISIONS", folder)
-        monkeypatch.setattr(migration, "HEAD", "0002")
+        monkeypatch.setattr(migration, "HEAD", NEXT)
         return folder
 
     return become
 
 
+@pytest.fixture
+def newest(tmp_path: Path) -> Path:
+    """The data folder of the oldest schema, as this version has brought it up; without copies."""
+    data = recorded_data("kinematic", tmp_path)
+    open_store(data, exclusive=True).close()
+    for copy in migration.copies_beside(data / "lab.sqlite"):
+        copy.unlink()
+    return data
+
+
 # ---- what was written by every version so far
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_recorded_data_open_and_nothing_in_them_changes(robot: str, tmp_path: Path) -> None:
-    data = recorded_data(robot, tmp_path)
+def test_every_schema_that_was_released_is_recorded() -> None:
+    assert OLDEST == migration.FIRST
+    assert set(recordings.SCHEMAS) <= migration._known()
+
+
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_a_recording_has_a_row_in_every_table(schema: str, robot: str, tmp_path: Path) -> None:
+    rows = everything(recorded_data(robot, tmp_path, schema) / "lab.sqlite")
+    assert not [table for table, found in rows.items() if not found]
+
+
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_recorded_data_open_and_nothing_of_them_is_lost(schema: str, robot: str, tmp_path: Path) -> None:
+    data = recorded_data(robot, tmp_path, schema)
     before = everything(data / "lab.sqlite")
     with open_store(data, exclusive=True) as store:
         kinds = {found.participant: (found.kind, found.session.state) for found in store.sessions()}
@@ -99,59 +130,68 @@ def test_recorded_data_open_and_nothing_in_them_changes(robot: str, tmp_path: Pa
         }
         assert [who for who, _ in store.erasures()] == [ERASED]
         for who in (MIDWAY, PILOT, DEMO):
-            assert [row.tick for row in store.rows_of("ticks", who)] == list(range(TICKS_MIDWAY))
-    after = everything(data / "lab.sqlite")
-    before["machines"], after["machines"] = [], []  # opening adds the machine it was opened on
-    assert after == before
-    assert not migration.copies_beside(data / "lab.sqlite")
+            rows = store.rows_of("ticks", who)
+            assert [row.tick for row in rows] == list(range(len(rows)))
+            assert rows[-1].cycle == 2
+    kept(before, everything(data / "lab.sqlite"))
+    copies = [copy.name for copy in migration.copies_beside(data / "lab.sqlite")]
+    assert copies == ([] if schema == migration.HEAD else [f"lab.schema-{schema}.sqlite"])
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_recorded_data_brought_up_have_the_schema_of_a_new_file(robot: str, tmp_path: Path) -> None:
-    data = recorded_data(robot, tmp_path)
-    with open_store(data) as store, store._database.read() as connection:
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_recorded_data_brought_up_have_the_schema_of_a_new_file(schema: str, robot: str, tmp_path: Path) -> None:
+    new = tmp_path / "new"
+    with open_store(new) as made, made._database.read() as connection:
+        counting = "SELECT name FROM sqlite_master WHERE sql LIKE '%AUTOINCREMENT%'"
+        expected = connection.exec_driver_sql(counting).scalars().all()
+    with open_store(recorded_data(robot, tmp_path, schema)) as store, store._database.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
-        assert connection.execute(sql.text("SELECT version_num FROM alembic_version")).scalars().all() == [
-            migration.HEAD
-        ]
+        assert connection.exec_driver_sql(counting).scalars().all() == expected
+        version = connection.execute(sql.text("SELECT version_num FROM alembic_version")).scalars().all()
+        assert version == [migration.HEAD]
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_recorded_data_export_as_they_did(robot: str, tmp_path: Path) -> None:
-    with open_store(recorded_data(robot, tmp_path), must_exist=True) as store:
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_recorded_data_export_as_they_did(schema: str, robot: str, tmp_path: Path) -> None:
+    with open_store(recorded_data(robot, tmp_path, schema), must_exist=True) as store:
         export(store, tmp_path / "now", include_pilot=True)
-    then = recorded_export(robot, tmp_path)
+    then = recorded_export(robot, tmp_path, schema)
     for table in TABLES:
-        assert (tmp_path / "now" / f"{table}.csv").read_bytes() == (then / f"{table}.csv").read_bytes(), table
+        name = f"{table}.csv"
+        with (then / name).open(newline="") as old, (tmp_path / "now" / name).open(newline="") as new:
+            for was, has in zip(csv.DictReader(old), csv.DictReader(new), strict=True):
+                assert {column: has[column] for column in was} == was, table
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_a_recorded_export_is_read_and_analysed(robot: str, tmp_path: Path) -> None:
-    folder = recorded_export(robot, tmp_path)
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_a_recorded_export_is_read_and_analysed(schema: str, robot: str, tmp_path: Path) -> None:
+    folder = recorded_export(robot, tmp_path, schema)
     assert read_meta(folder)["erased_participants"] == 1
     assert {row.participant for row in read_table(folder, "participants")} == {FINISHED, MIDWAY, PILOT}
-    assert len(read_table(folder, "tasks")) >= 6
+    assert len(read_table(folder, "tasks")) >= 12
     found = analyse(load(folder))
     assert len(found.data.conditions) == 3
     assert found.comparison("efficiency_ticks", "all") is not None
 
 
+@pytest.mark.parametrize("schema", recordings.SCHEMAS)
 @pytest.mark.parametrize("robot", ["kinematic", pytest.param("bullet", marks=pytest.mark.bullet)])
 async def test_a_recorded_trial_goes_on_with_its_next_tick(
-    robot: str, start_lab: Callable[..., LabServer], tmp_path: Path
+    schema: str, robot: str, start_lab: Callable[..., LabServer], tmp_path: Path
 ) -> None:
-    data = recorded_data(robot, tmp_path)
+    data = recorded_data(robot, tmp_path, schema)
     study = study_file(data, tmp_path)
     lab = start_lab("--robot", robot, "--pace", "lockstep", "--no-scene", "--study", str(study), data_dir=data)
     with stored(lab) as store, store.snapshot() as recorded:
         is_same_machine = len(recorded.machines()) == 1
-    for who in (MIDWAY, PILOT, DEMO):
+        ticks = {who: len(store.rows_of("ticks", who)) for who in (MIDWAY, PILOT, DEMO)}
+    for who, count in ticks.items():
         link = asked(lab, "POST", f"participants/{who}/link").json()["link"]
         async with visit(link) as player:
             await player.page("paused")
             await player.done("resume")
             await player.status("running")
-            assert (await player.tick()).tick == TICKS_MIDWAY
+            assert (await player.tick()).tick == count
         if is_same_machine:  # elsewhere a re-run may differ in the last bits, and says so
             assert not events(lab, who, "replay_mismatch")
 
@@ -167,29 +207,28 @@ def test_there_is_one_line_of_revisions_and_its_end_is_what_new_files_are() -> N
 
 @pytest.mark.parametrize("opened_by", ["lab", "export"])
 def test_an_older_file_is_copied_and_then_brought_up(
-    opened_by: str, later: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    opened_by: str, newest: Path, later: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = recorded_data("kinematic", tmp_path)
-    before = everything(data / "lab.sqlite")
-    with monkeypatch.context() as version:
-        later()
-        open_store(data, exclusive=opened_by == "lab", must_exist=opened_by == "export").close()
-        tasks = everything(data / "lab.sqlite")["tasks"]
-        assert [row[-1] for row in tasks] == [1] * len(before["tasks"])
-        assert sorted(row[:-1] for row in tasks) == sorted(before["tasks"])
-        version.undo()
-    monkeypatch.undo()
-    (copy,) = migration.copies_beside(data / "lab.sqlite")
-    assert copy.name == "lab.schema-0001.sqlite"
+    path = newest / "lab.sqlite"
+    before = everything(path)
+    later()
+    open_store(newest, exclusive=opened_by == "lab", must_exist=opened_by == "export").close()
+    after = everything(path)
+    kept(before, after)
+    assert {row["made_up"] for row in after["tasks"]} == {1}
+    monkeypatch.undo()  # back to the version that wrote it
+    (copy,) = migration.copies_beside(path)
+    assert copy.name == f"lab.schema-{migration.HEAD}.sqlite"
     assert copy.stat().st_mode & 0o077 == 0
     assert everything(copy) == before
-    with pytest.raises(StoreError, match=r"written by a later version .*schema 0002.* copy .*lab\.schema-0001\.sqlite"):
-        open_store(data, must_exist=True)
+    refusal = rf"written by a later version .*schema {NEXT}.* copy .*lab\.schema-{migration.HEAD}\.sqlite"
+    with pytest.raises(StoreError, match=refusal):
+        open_store(newest, must_exist=True)
     # What the version before migrations looks at has changed too, so that it refuses as well.
-    assert ("store_version", "0002") in everything(data / "lab.sqlite")["meta"]
-    (data / "lab.sqlite").unlink()
-    copy.rename(data / "lab.sqlite")
-    with open_store(data) as store:
+    assert {"name": "store_version", "value": NEXT} in after["meta"]
+    path.unlink()
+    copy.rename(path)
+    with open_store(newest) as store:
         assert len(store.sessions()) == 4
 
 
@@ -199,69 +238,129 @@ def test_a_file_from_the_future_is_refused_with_what_to_do(tmp_path: Path) -> No
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
     for options in ({"must_exist": True}, {"exclusive": True}):
-        with pytest.raises(StoreError, match=r"schema 9999, this version knows those up to 0001.*open it with that"):
+        refusal = rf"schema 9999, this version knows those up to {migration.HEAD}.*open it with that"
+        with pytest.raises(StoreError, match=refusal):
             open_store(tmp_path, **options)
     assert everything(path)["sessions"] == []
 
 
-def test_a_revision_that_fails_changes_nothing(later: Callable[..., Path], tmp_path: Path) -> None:
-    data = recorded_data("kinematic", tmp_path)
-    before = everything(data / "lab.sqlite")
-    later("op.execute('UPDATE absent SET x = 1')")
-    with pytest.raises(StoreError, match="from schema 0001 to 0002: no such table: absent; nothing was changed"):
-        open_store(data, exclusive=True)
-    assert everything(data / "lab.sqlite") == before
-    assert everything(data / "lab.schema-0001.sqlite") == before
+@pytest.mark.parametrize(
+    ("then", "complaint"),
+    [
+        ("op.execute('UPDATE absent SET x = 1')", "OperationalError: no such table: absent"),
+        ("{}['gone']", "KeyError: 'gone'"),
+        ("op.execute('DELETE FROM studies')", "would refer to a studies that is gone"),
+        (
+            "with op.batch_alter_table('sessions', recreate='always') as t: t.add_column(sql.Column('x', sql.Text))",
+            "would let numbers of sessions be given out again",
+        ),
+    ],
+)
+def test_a_revision_that_fails_changes_nothing(
+    newest: Path, later: Callable[..., Path], then: str, complaint: str
+) -> None:
+    before = everything(newest / "lab.sqlite")
+    later(then)
+    with pytest.raises(StoreError, match=complaint) as caught:
+        open_store(newest, exclusive=True)
+    assert "\n" not in str(caught.value)
+    assert everything(newest / "lab.sqlite") == before
+    (copy,) = migration.copies_beside(newest / "lab.sqlite")
+    assert everything(copy) == before
 
 
-def test_a_lab_killed_in_mid_migration_finds_its_data_whole(later: Callable[..., Path], tmp_path: Path) -> None:
-    data = recorded_data("kinematic", tmp_path)
-    before = everything(data / "lab.sqlite")
+def test_a_table_that_others_refer_to_may_be_replaced(newest: Path, later: Callable[..., Path]) -> None:
+    before = everything(newest / "lab.sqlite")
+    later(
+        "with op.batch_alter_table('sessions', recreate='always', table_kwargs={'sqlite_autoincrement': True}) as t: "
+        "t.alter_column('pace', type_=sql.String(20))"
+    )
+    with open_store(newest, exclusive=True) as store:
+        with store._database.read() as connection:
+            assert connection.exec_driver_sql("PRAGMA foreign_keys").scalar() == 1
+        highest = max(row["number"] for row in before["sessions"])
+        made = store.create_participant(shipped_study(), seed=1, public_id="new", utc=UTC)
+        assert made.participant == f"P{highest + 1:03d}"  # of an erased one no number is given out again
+    after = everything(newest / "lab.sqlite")
+    assert [row["participant"] for row in after["sessions"][:-1]] == [row["participant"] for row in before["sessions"]]
+
+
+def test_whoever_comes_second_finds_the_work_done(
+    newest: Path, later: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = everything(newest / "lab.sqlite")
+    later()
+    first: list[bool] = []
+
+    def meanwhile(database: Database) -> None:
+        """Between this opener's look at the file and its lock, another one does all the work."""
+        if not first:
+            first.append(True)
+            open_store(newest, must_exist=True).close()
+        bring_up(database)
+
+    bring_up = Database._bring_up
+    monkeypatch.setattr(Database, "_bring_up", meanwhile)
+    open_store(newest, must_exist=True).close()
+    assert {row["made_up"] for row in everything(newest / "lab.sqlite")["tasks"]} == {1}
+    (copy,) = migration.copies_beside(newest / "lab.sqlite")
+    assert everything(copy) == before
+
+
+def test_a_lab_killed_in_mid_migration_finds_its_data_whole(newest: Path, later: Callable[..., Path]) -> None:
+    before = everything(newest / "lab.sqlite")
     folder = later("os.kill(os.getpid(), signal.SIGKILL)")
     code = f"""
 from pathlib import Path
 from study.store import migration, open_store
-migration.REVISIONS, migration.HEAD = Path({str(folder)!r}), "0002"
-open_store({str(data)!r}, exclusive=True)
+migration.REVISIONS, migration.HEAD = Path({str(folder)!r}), {NEXT!r}
+open_store({str(newest)!r}, exclusive=True)
 """
     killed = subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60)
     assert killed.returncode == -signal.SIGKILL
-    assert everything(data / "lab.sqlite") == before
-    (folder / "versions" / "r0002_test.py").write_text(REVISION.format(then=""), encoding="utf-8")
-    with open_store(data, exclusive=True) as store:
+    assert everything(newest / "lab.sqlite") == before
+    (folder / "versions" / "made_up.py").write_text(REVISION.replace("[then]", ""), encoding="utf-8")
+    with open_store(newest, exclusive=True) as store:
         assert len(store.sessions()) == 4
 
 
-def test_nothing_is_brought_up_under_a_running_lab(later: Callable[..., Path], tmp_path: Path) -> None:
-    data = recorded_data("kinematic", tmp_path)
-    with open_store(data, exclusive=True):
+def test_nothing_is_brought_up_under_a_running_lab(newest: Path, later: Callable[..., Path]) -> None:
+    with open_store(newest, exclusive=True):
         later()
         with pytest.raises(StoreError, match="another lab is running"):
-            open_store(data, must_exist=True)
-    assert not migration.copies_beside(data / "lab.sqlite")
+            open_store(newest, must_exist=True)
+    assert not migration.copies_beside(newest / "lab.sqlite")
 
 
-def test_nothing_is_brought_up_when_the_copy_cannot_be_written(later: Callable[..., Path], tmp_path: Path) -> None:
-    data = recorded_data("kinematic", tmp_path)
-    before = everything(data / "lab.sqlite")
+def test_nothing_is_brought_up_when_the_copy_cannot_be_written(newest: Path, later: Callable[..., Path]) -> None:
+    before = everything(newest / "lab.sqlite")
     later()
-    (data / "lab.schema-0001.sqlite.unfinished").mkdir()
-    with pytest.raises(StoreError, match=r"needs a copy of it first, and lab\.schema-0001\.sqlite cannot be written"):
-        open_store(data, exclusive=True)
-    assert everything(data / "lab.sqlite") == before
+    wanted = f"lab.schema-{int(NEXT) - 1:04d}.sqlite"
+    (newest / f"{wanted}.unfinished").mkdir()
+    with pytest.raises(StoreError, match=f"needs a copy of it first, and {re.escape(wanted)} cannot be written"):
+        open_store(newest, exclusive=True)
+    assert everything(newest / "lab.sqlite") == before
 
 
-def test_erasing_somebody_removes_the_copies_that_hold_them(later: Callable[..., Path], tmp_path: Path) -> None:
-    data = recorded_data("kinematic", tmp_path)
+def test_a_lock_that_cannot_be_made_is_one_line(newest: Path, later: Callable[..., Path]) -> None:
     later()
-    with open_store(data, exclusive=True) as store:
+    (newest / "lab.lock").unlink()
+    (newest / "lab.lock").mkdir()
+    with pytest.raises(StoreError, match="cannot be used as data folder: Is a directory"):
+        open_store(newest, must_exist=True)
+
+
+def test_erasing_somebody_removes_the_copies_that_hold_them(newest: Path, later: Callable[..., Path]) -> None:
+    later()
+    with open_store(newest, exclusive=True) as store:
         assert migration.copies_beside(store.path)
         store.erase(FINISHED, UTC)
         assert not migration.copies_beside(store.path)
 
 
-def test_a_row_read_from_a_recorded_file_is_the_row_of_its_export(tmp_path: Path) -> None:
-    with open_store(recorded_data("bullet", tmp_path), must_exist=True) as store:
+@pytest.mark.parametrize(("schema", "robot"), recordings.CASES)
+def test_a_row_read_from_a_recorded_file_is_the_row_of_its_export(schema: str, robot: str, tmp_path: Path) -> None:
+    with open_store(recorded_data(robot, tmp_path, schema), must_exist=True) as store:
         rows = [asdict(row) for row in store.rows_of("ticks", MIDWAY)]
-    folder = recorded_export("bullet", tmp_path)
+    folder = recorded_export(robot, tmp_path, schema)
     assert rows == [asdict(row) for row in read_table(folder, "ticks") if row.participant == MIDWAY]

@@ -9,13 +9,13 @@ from pathlib import Path
 from study.store import open_store
 
 RECORDED = Path(__file__).with_name("recorded")
-FIRST = "0001"
-ROBOTS = ("kinematic", "bullet")
+SCHEMAS = tuple(sorted(folder.name for folder in RECORDED.iterdir()))
+"""Every schema that was ever released; a new one gets a folder once, by `write_recorded_fixture`."""
+CASES = tuple((schema, robot) for schema in SCHEMAS for robot in ("kinematic", "bullet"))
 FINISHED, MIDWAY, ERASED, PILOT, DEMO = "P001", "P002", "P003", "T004", "D005"
-TICKS_MIDWAY = 6
 
 
-def recorded_data(robot: str, place: Path, schema: str = FIRST) -> Path:
+def recorded_data(robot: str, place: Path, schema: str = SCHEMAS[0]) -> Path:
     """A data folder as that schema's lab left it."""
     folder = place / f"data-{schema}-{robot}"
     folder.mkdir()
@@ -23,7 +23,7 @@ def recorded_data(robot: str, place: Path, schema: str = FIRST) -> Path:
     return folder
 
 
-def recorded_export(robot: str, place: Path, schema: str = FIRST) -> Path:
+def recorded_export(robot: str, place: Path, schema: str = SCHEMAS[0]) -> Path:
     """The export of that data folder, unpacked, pilot included."""
     folder = place / f"export-{schema}-{robot}"
     with zipfile.ZipFile(RECORDED / schema / robot / "export.zip") as archive:

@@ -17,15 +17,29 @@ import tempfile
 from contextlib import closing
 from pathlib import Path
 
-from app.simulated.bot import run_bot
+from app.simulated.bot import Bot, enter, open_wire, run_bot
+from app.wire import Tick
 from study.export.export import export_zip
 from study.store import open_store
 from tests.support import lab_server
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import asked, invite, visit, write_study
+from tests.support.wire_client import asked, invite, write_study
 
 ROBOTS = ("kinematic", "bullet")
-TICKS_IN_MID_TRIAL = 6
+TICKS_IN_SECOND_CYCLE = 5
+TWO_PICKUPS = {"pickups_per_trial = 3 ": "pickups_per_trial = 2 "}
+"""Two cycles a trial, and practice: short, with a row in every table."""
+
+
+async def _until_second_cycle(link: str) -> None:
+    """Through practice and into the second cycle of the first trial, a few ticks far; then the page is gone."""
+    async with open_wire(await enter(link), "bot", telemetry=True) as wire:
+        bot, ticks = Bot(wire, None), 0
+        while ticks < TICKS_IN_SECOND_CYCLE:
+            message = await wire.receive()
+            await bot._handle(message)
+            if isinstance(message, Tick) and message.done_tasks >= 2 and message.status != "resetting":
+                ticks += 1
 
 
 async def _fill(lab: LabServer) -> None:
@@ -35,10 +49,7 @@ async def _fill(lab: LabServer) -> None:
     erased = invite(lab, pace="lockstep")
     pilot = invite(lab, pace="lockstep", kind="pilot")
     for link in (midway["link"], erased["link"], pilot["link"], lab.demo_link):
-        async with visit(link) as player:
-            await player.reach_trial()
-            for number in range(TICKS_IN_MID_TRIAL):
-                await player.tick((1, 0, 0) if number % 3 else None)
+        await _until_second_cycle(link)
     who = erased["participant"]
     asked(lab, "POST", f"participants/{who}/erase", {"confirm": who}).raise_for_status()
 
@@ -48,7 +59,7 @@ def write(folder: Path) -> None:
     for robot in ROBOTS:
         with tempfile.TemporaryDirectory() as place:
             data = Path(place) / "data"
-            study = write_study(Path(place))
+            study = write_study(Path(place), TWO_PICKUPS)
             arguments = ("--robot", robot, "--pace", "lockstep", "--no-scene", "--study", str(study))
             with lab_server.start(data, *arguments) as lab:
                 asyncio.run(_fill(lab))
