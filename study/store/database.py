@@ -37,9 +37,10 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     lock = _lock(folder) if exclusive else None
+    is_new = not path.is_file() or path.stat().st_size == 0
     database = Database(path, lock)
     try:
-        database.prepare(is_reader=must_exist)
+        database.prepare(is_reader=must_exist, is_new=is_new)
     except BaseException:
         database.close()
         raise
@@ -98,7 +99,7 @@ class Database:
             )
             return int(emptied.one()[0]) == 0
 
-    def prepare(self, *, is_reader: bool) -> None:
+    def prepare(self, *, is_reader: bool, is_new: bool) -> None:
         """Make the tables of a new file, or check that the file is one of ours and whole, and bring an older one up.
 
         A reader takes no write lock, unless the file is an older one: the lab may be running.
@@ -112,8 +113,11 @@ class Database:
                 verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
                 if verdict != "ok":
                     raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
-            elif is_reader:
-                raise StoreError(f"{self.path}: no lab data here, the database is empty")
+            elif is_reader or not is_new:
+                raise StoreError(
+                    f"{self.path}: no lab data here, the database is empty; a copy made while a lab ran is whole only "
+                    "with the file beside it that ends in -wal"
+                )
         if revision is not None and revision != migration.HEAD:
             self._bring_up()
             is_marked = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -304,6 +305,18 @@ def test_another_schema_version_is_refused(store: Store) -> None:
     connection.close()
     with pytest.raises(StoreError, match=f"schema_version is 99, this version of the lab needs {SCHEMA_VERSION}"):
         open_store(store.path.parent)
+
+
+@pytest.mark.parametrize("options", [{"must_exist": True}, {"exclusive": True}, {}])
+def test_a_copy_that_lacks_its_log_is_not_taken_for_a_new_lab(tmp_path: Path, options: dict[str, bool]) -> None:
+    with open_store(tmp_path / "running", exclusive=True) as store:
+        enrol(store)
+        (tmp_path / "copy").mkdir()
+        shutil.copy(store.path, tmp_path / "copy")
+    before = (tmp_path / "copy" / FILE_NAME).read_bytes()
+    with pytest.raises(StoreError, match=r"no lab data here, .* file beside it that ends in -wal"):
+        open_store(tmp_path / "copy", **options)
+    assert (tmp_path / "copy" / FILE_NAME).read_bytes() == before
 
 
 def test_a_foreign_database_is_refused(tmp_path: Path) -> None:
