@@ -66,7 +66,7 @@ class BotReport:
 
 
 @dataclass(frozen=True)
-class Entrance:
+class PageAccess:
     """Where a link leads: the page's address and the cookie that opens it."""
 
     page_url: str
@@ -80,7 +80,7 @@ class Entrance:
         return urljoin(f"{scheme}://{parts.netloc}{parts.path}", "socket")
 
 
-async def enter(url: str) -> Entrance:
+async def enter(url: str) -> PageAccess:
     """Follow a link as a browser does. Raises `BotError` if it leads nowhere."""
     try:
         async with httpx.AsyncClient(trust_env=False) as client:
@@ -90,7 +90,7 @@ async def enter(url: str) -> Entrance:
     if response.status_code != 303:
         raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
     cookie = "; ".join(f"{name}={value}" for name, value in response.cookies.items())
-    return Entrance(urljoin(url, response.headers["location"]), cookie)
+    return PageAccess(urljoin(url, response.headers["location"]), cookie)
 
 
 class Wire:
@@ -137,11 +137,11 @@ class Wire:
 
 
 @contextlib.asynccontextmanager
-async def open_wire(entrance: Entrance, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
+async def open_wire(access: PageAccess, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
     """Connect and say hello."""
-    headers = {"Cookie": entrance.cookie}
+    headers = {"Cookie": access.cookie}
     try:
-        connection = await connect(entrance.socket_url, additional_headers=headers, compression=None, proxy=None)
+        connection = await connect(access.socket_url, additional_headers=headers, compression=None, proxy=None)
     except (InvalidHandshake, OSError) as error:
         raise BotError(f"the lab did not open a socket: {error}") from None
     async with connection:
