@@ -81,16 +81,31 @@ class PageAccess:
 
 
 async def enter(url: str) -> PageAccess:
-    """Follow a link as a browser does. Raises `BotError` if it leads nowhere."""
+    """Follow a link as a browser does. Raises `BotError` if it is none or leads nowhere."""
+    start = url.rstrip("/").rpartition("/")[0]
+    without_token = f"{start}/…" if start else url
+    no_link = BotError(f"{without_token!r} is no link; one looks like http://127.0.0.1:8000/p/TOKEN")
+    if not _is_link(url):
+        raise no_link
     try:
         async with httpx.AsyncClient(trust_env=False) as client:
             response = await client.get(url)
-    except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise BotError(f"{url.rsplit('/', 1)[0]}/…: {type(error).__name__}: {error}") from None
+    except httpx.InvalidURL:
+        raise no_link from None
+    except httpx.HTTPError as error:
+        raise BotError(f"{without_token}: {type(error).__name__}: {error}") from None
     if response.status_code != 303:
         raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
     cookie = "; ".join(f"{name}={value}" for name, value in response.cookies.items())
     return PageAccess(urljoin(url, response.headers["location"]), cookie)
+
+
+def _is_link(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # brackets without an address, or a port that is no number
+        return False
 
 
 class Wire:
