@@ -56,11 +56,12 @@ help: ## print this
 run: $(VENV)/.installed ## install what is missing and start the lab on loopback
 	@exec $(VENV)/bin/salab serve --port "$(PORT)" --data "$(DATA)"
 
-test: $(VENV)/.installed-test ## everything: linters, types, every test (installs a Chromium if there is none)
+test: $(VENV)/.installed-test ## everything: linters, formatting, types, every test (installs a Chromium if there is none)
 	@echo "== a browser for the tests"
 	@$(PY) -m tests.support.chromium
 	@echo "== ruff"
 	@$(PY) -m ruff check .
+	@$(PY) -m ruff format --check .
 	@echo "== mypy"
 	@$(PY) -m mypy
 	@echo "== JavaScript"

@@ -25,8 +25,6 @@ from sim.meshes import Mesh, Rgb, box, capsule, merge, rod, to_glb
 
 BAKE_VERSION = 4
 """Raise it when what is baked changes: the cache is keyed by it."""
-CACHE_LIMIT_BYTES = 500_000
-"""What all baked meshes may weigh together."""
 
 _CHARCOAL: Rgb = (74, 78, 86)
 _BLACK: Rgb = (34, 36, 40)

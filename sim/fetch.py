@@ -52,7 +52,6 @@ ARM_JOINTS = (
 ARM_JOINT_NAMES = tuple(joint.name for joint in ARM_JOINTS)
 LOWER_RAD = tuple(joint.lower_rad for joint in ARM_JOINTS)
 UPPER_RAD = tuple(joint.upper_rad for joint in ARM_JOINTS)
-VELOCITY_RAD_S = tuple(joint.velocity_rad_s for joint in ARM_JOINTS)
 EFFORT_N_M = tuple(joint.effort_n_m for joint in ARM_JOINTS)
 
 TORSO_ORIGIN_M: Vector3 = (-0.086875, 0.0, 0.37743 + TORSO_M)
@@ -81,8 +80,6 @@ PALM_CENTER_M: Vector3 = (-0.093, 0.0, 0.0)
 """The palm ends 32 mm behind `gripper_link`."""
 
 START_POSITION_M: Vector3 = (0.70, 0.0, 0.88)
-START_JOINTS_RAD = (0.0, -0.0496075630, 0.0, 1.9569446115, 0.0, -1.9073370485, 0.0)
-"""The posture of `sim.ik` at `START_POSITION_M`."""
 
 
 @dataclass(frozen=True)

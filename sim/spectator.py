@@ -1,7 +1,7 @@
 """What experimenters see of a session: the same world on a server of its own, with what the robot believes over it.
 
 It is another server because what one viser server shows, all its browsers get, and nothing of this may reach the
-participant. Each onlooker steers their own camera.
+participant. Each spectator steers their own camera.
 
     column over a goal      its height is the goal's probability (`FULL_M` = certain)
     label over the column   the goal's name and probability
@@ -16,7 +16,7 @@ from sim import props
 from sim.assets import RobotLook
 from sim.interface import Pose, SceneSpec, Vector3, WorldState
 from sim.scene import SceneOptions, SceneView
-from sim.views import ONLOOKER
+from sim.views import SPECTATOR
 
 FULL_M = 0.30
 ABOVE_M = 0.03
@@ -31,7 +31,7 @@ class SpectatorView:
     """
 
     def __init__(self, look: RobotLook | None = None) -> None:
-        self._view = SceneView(look=look, options=SceneOptions(marked=True, orbit_from=ONLOOKER))
+        self._view = SceneView(look=look, options=SceneOptions(marked=True, orbit_from=SPECTATOR))
         self._scene: SceneSpec | None = None
 
     def open(self) -> int:

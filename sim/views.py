@@ -74,7 +74,7 @@ VIEWS: Mapping[str, CameraView] = MappingProxyType(
 )
 """The views by name; the first is the one a session starts with."""
 
-ONLOOKER = CameraView(
-    "onlooker", "From where an onlooker stands", (2.45, -0.75, 2.0), (0.55, 0.0, 0.84), math.radians(32)
+SPECTATOR = CameraView(
+    "spectator", "From where a spectator stands", (2.45, -0.75, 2.0), (0.55, 0.0, 0.84), math.radians(32)
 )
 """Where the experimenters' own cameras start."""

@@ -82,11 +82,13 @@ def power(
     preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
 ) -> None:
     """Tell the chance of the paper's differences by number of people."""
-    from app.replication.power import power, table, write
+    from app.replication.power import check_draws, power, table, write
     from app.replication.replicate import check_place
-    from app.replication.studies import run_studies
-    from app.simulated.study import make_plan
+    from app.replication.studies import MAX_STUDIES, run_studies
+    from app.simulated.study import check_count, make_plan
 
+    check_count("studies", studies, MAX_STUDIES)
+    check_draws(sizes, draws, workers, studies * PEOPLE_A_STUDY)
     check_place(out)
     plan = make_plan(seed, "kinematic", preset)
     values = run_studies(plan, studies, PEOPLE_A_STUDY, workers, out / "studies")

@@ -26,7 +26,7 @@ class Offer:
     token: str = ""
 
 
-class Recruiter:
+class OpenEnrolment:
     """Enrols people one after another, so that no two of them get the last place, and no one two."""
 
     def __init__(self, lab: Lab) -> None:

@@ -50,22 +50,27 @@ class Power:
         return found
 
 
+def check_draws(sizes: Sequence[int], draws: int, workers: int, people: int) -> None:
+    """Raises `LabError` when such studies cannot be drawn from so many people. Cheap: ask before they are simulated."""
+    check_count("draws", draws, 100_000)
+    check_count("workers", workers, MAX_WORKERS)
+    if not sizes:
+        raise LabError("no sizes; give at least one number of participants")
+    for size in sorted(sizes):
+        if not 2 <= size <= people:
+            raise LabError(
+                f"size {size}; it must be from 2 to {people}, the number of simulated people; "
+                "simulate more studies for larger sizes"
+            )
+
+
 def power(
     values: Sequence[Values], sizes: Sequence[int], draws: int, seed: int, workers: int, circular: bool = False
 ) -> Power:
     """Draw `draws` studies of every size and test them. Raises `LabError` out of bounds."""
-    check_count("draws", draws, 100_000)
-    check_count("workers", workers, MAX_WORKERS)
     pool = Pool.of(values)
+    check_draws(sizes, draws, workers, len(pool.people))
     wanted = tuple(sorted(set(sizes)))
-    if not wanted:
-        raise LabError("no sizes; give at least one number of participants")
-    for size in wanted:
-        if not 2 <= size <= len(pool.people):
-            raise LabError(
-                f"size {size}; it must be from 2 to {len(pool.people)}, the number of simulated people; "
-                "simulate more studies for larger sizes"
-            )
     claims = tuple(c for c in CLAIMS if c.verdict == "different" and (circular or c.measure not in CIRCULAR))
     jobs = [(size, draw) for size in wanted for draw in range(draws)]
     found: dict[tuple[int, int], dict[Claim, bool]] = {}

@@ -14,7 +14,7 @@ from app.autonomy.arbiter import RATIONALITY_PER_M
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
 from app.autonomy.transition import TransitionModel
-from sim.layouts import LAYOUTS, Layout, scene
+from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, Layout, scene
 from sim.objects import STUDY_OBJECTS
 from study.analysis.dataset import DataSet
 from study.analysis.figures import Heatmap, HeatmapGoal
@@ -29,7 +29,7 @@ def fig2_heatmap(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
 
     What is not stated there is the shipped study's: layout `arc` with its objects, and the model of `app.autonomy`.
     """
-    layout = LAYOUTS.get(str(settings.get("layout", "")), LAYOUTS["arc"])
+    layout = LAYOUTS.get(str(settings.get("layout", "")), LAYOUTS[DEFAULT_LAYOUT])
     placed = _placed(layout, settings.get("objects"))
     transition = parameters.get("transition", {})
     model = TransitionModel(**transition) if transition else TransitionModel()

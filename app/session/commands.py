@@ -1,7 +1,7 @@
 """What an experimenter can do with a session or say about it: which acts there are, when, and why not.
 
-Commands become events of the protocol, remarks only stand in the record. Both are events with who and when; their
-words are kept apart (`app.session.private_text`).
+An act is a command or a remark. Commands become events of the protocol, remarks only stand in the record. Both are
+events with who and when; their words are kept apart (`app.session.private_text`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from study.flow.protocol import EventName, Session, allowed
 CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
 RemarkName = Literal["note", "task_marked", "message", "help_seen"]
 ActName = CommandName | RemarkName
+"""An act is a command or a remark: what both have in common goes by this name."""
 
 EVENTS: Mapping[CommandName, EventName] = {
     "start": "start",
@@ -28,6 +29,7 @@ EVENTS: Mapping[CommandName, EventName] = {
 }
 """The event of the protocol that a command is."""
 ACTS: tuple[ActName, ...] = (*get_args(CommandName), *get_args(RemarkName))
+"""Every act, commands first."""
 
 
 class NotNow(LabError):
@@ -36,7 +38,7 @@ class NotNow(LabError):
 
 @dataclass(frozen=True)
 class Command:
-    """Something done with a session. `words` say why, in the experimenter's own words."""
+    """An act that changes a session. `words` say why, in the experimenter's own words."""
 
     name: CommandName
     words: str | None = None
@@ -44,7 +46,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Remark:
-    """Something for the record: its name is the event's, its text is the experimenter's."""
+    """An act for the record alone: its name is the event's, its text is the experimenter's."""
 
     name: RemarkName
     text: str

@@ -100,8 +100,8 @@ class SessionContext:
 
     # ---- the practice or trial under way ---------------------------------------------------------------------------
 
-    async def forget_phase(self) -> None:
-        """End the worker and forget the practice or trial it ran."""
+    async def forget_running_trial(self) -> None:
+        """End the worker and forget the practice or trial it ran: its readings, its ticks, what was noticed."""
         self.running = RunningTrial(DistractorState(self.services.study.distractor))
         self.noticed.clear()
         self.history.forget_ticks()

@@ -98,7 +98,7 @@ class LiveSession:
         while not self._queue.empty():
             _closed(self._queue.get_nowait())
         self._context.spectators.end()
-        await self._context.forget_phase()
+        await self._context.forget_running_trial()
         self._connections.end()
 
     def attach(self, client: Client) -> None:

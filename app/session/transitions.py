@@ -105,7 +105,7 @@ class Transitions:
             if isinstance(effect, StartWorker):
                 await link.start(effect.kind, effect.trial)
             elif isinstance(effect, StopWorker):
-                await self._context.forget_phase()
+                await self._context.forget_running_trial()
             elif isinstance(effect, PauseTicks):
                 link.held = False
                 link.send(Hold())
@@ -170,7 +170,7 @@ class Transitions:
             event = context.event("replay_mismatch", "robot", {"tick": report.mismatch})
             await context.commit(Batch(events=(event,)))
         if report.finished:
-            await self._phase_done(Batch())
+            await self._running_trial_done(Batch())
             return
         if context.session.is_ticking:
             link.send(Begin())
@@ -209,14 +209,14 @@ class Transitions:
                 connections.show_reading(item, running.distractor, running.trial_s)
 
         if result.finished:
-            await self._phase_done(batch, on_disk=show_all)
+            await self._running_trial_done(batch, on_disk=show_all)
         else:
             await context.commit(batch)
             show_all()
             context.history.add_tick(row)
         del context.noticed[: len(noticed)]
 
-    async def _phase_done(self, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:
+    async def _running_trial_done(self, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:
         """The practice or the trial is over: its last tick and the step to the next state are one commit."""
         if self._context.session.place == "practice":
             await self.advance(Event("practice_done"), batch, on_disk)

@@ -66,7 +66,7 @@ class BotReport:
 
 
 @dataclass(frozen=True)
-class Entrance:
+class PageAccess:
     """Where a link leads: the page's address and the cookie that opens it."""
 
     page_url: str
@@ -80,17 +80,32 @@ class Entrance:
         return urljoin(f"{scheme}://{parts.netloc}{parts.path}", "socket")
 
 
-async def enter(url: str) -> Entrance:
-    """Follow a link as a browser does. Raises `BotError` if it leads nowhere."""
+async def enter(url: str) -> PageAccess:
+    """Follow a link as a browser does. Raises `BotError` if it is none or leads nowhere."""
+    start = url.rstrip("/").rpartition("/")[0]
+    without_token = f"{start}/…" if start else url
+    no_link = BotError(f"{without_token!r} is no link; one looks like http://127.0.0.1:8000/p/TOKEN")
+    if not _is_link(url):
+        raise no_link
     try:
         async with httpx.AsyncClient(trust_env=False) as client:
             response = await client.get(url)
-    except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise BotError(f"{url.rsplit('/', 1)[0]}/…: {type(error).__name__}: {error}") from None
+    except httpx.InvalidURL:
+        raise no_link from None
+    except httpx.HTTPError as error:
+        raise BotError(f"{without_token}: {type(error).__name__}: {error}") from None
     if response.status_code != 303:
         raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
     cookie = "; ".join(f"{name}={value}" for name, value in response.cookies.items())
-    return Entrance(urljoin(url, response.headers["location"]), cookie)
+    return PageAccess(urljoin(url, response.headers["location"]), cookie)
+
+
+def _is_link(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # brackets without an address, or a port that is no number
+        return False
 
 
 class Wire:
@@ -137,11 +152,11 @@ class Wire:
 
 
 @contextlib.asynccontextmanager
-async def open_wire(entrance: Entrance, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
+async def open_wire(access: PageAccess, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
     """Connect and say hello."""
-    headers = {"Cookie": entrance.cookie}
+    headers = {"Cookie": access.cookie}
     try:
-        connection = await connect(entrance.socket_url, additional_headers=headers, compression=None, proxy=None)
+        connection = await connect(access.socket_url, additional_headers=headers, compression=None, proxy=None)
     except (InvalidHandshake, OSError) as error:
         raise BotError(f"the lab did not open a socket: {error}") from None
     async with connection:

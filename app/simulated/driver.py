@@ -26,23 +26,17 @@ from typing import Literal
 import numpy as np
 
 from app.autonomy.actions import Direction
-from app.simulated.pilot import Sight
+from app.simulated.pilot import APPROACH_M, CLEARANCE_M, PRACTICE_OFFSET_M, STUCK_M, Point, Sight
 from app.simulated.traits import Traits
 from app.trial.values import NO_INPUT, UserInput
 from sim.interface import TICK_S
 
-Point = tuple[float, float, float]
-
-APPROACH_M = 0.10
-"""How far in front of an object people line up before they move in."""
 STANDOFF_M = 0.012
 """So far short of the grasp point people stop: at it the palm would touch."""
 DEEP_M = 0.065
 """Nearer to the object's depth than this, sideways motion would knock things over: back out first."""
-CLEARANCE_M = 0.06
 AISLE_X_M = 0.665
 """Where things are carried sideways: in front of everything on the table."""
-PRACTICE_OFFSET_M = 0.16
 AISLE_TOLERANCE_M = 0.03
 CROSSED_M = 0.15
 ASIDE_M = 0.25
@@ -52,7 +46,6 @@ CARRY_TOLERANCE_M = 0.02
 LIFT_MARGIN_M = 0.015
 TOO_HIGH_M = 0.05
 """Higher than this above where things are carried, the arm folds too far to come back over the bins."""
-STUCK_M = 0.001
 _AXES = (0, 1, 2)
 _PAUSE_MOST = 4
 """Ticks. One more would make a window of five; what keeps hands off that long is the reading."""

@@ -21,6 +21,7 @@ CLEARANCE_M = 0.06
 CARRY_X_M = 0.66
 """How far from the robot things are carried sideways: in front of everything on the table."""
 STUCK_M = 0.001
+"""An arm that moved less than this in a tick did not move."""
 STUCK_TICKS = 3
 BACK_OUT_TICKS = 3
 PRACTICE_OFFSET_M = 0.16

@@ -21,14 +21,14 @@ from app.web.scene_proxy import proxy_scene, scene_page_response
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"
-MAX_ONLOOKERS = 20
+MAX_SPECTATORS = 20
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
 
 
 @private.post("/desk")
-async def sit_down(request: Request, lab: TheLab, who: Experimenter) -> Response:
+async def open_views(request: Request, lab: TheLab, who: Experimenter) -> Response:
     """Get the cookie that opens the 3-D views and the report, which browsers ask for without a token."""
     response = JSONResponse({"desk": PATH})
     response.set_cookie(
@@ -43,14 +43,14 @@ async def sit_down(request: Request, lab: TheLab, who: Experimenter) -> Response
 
 
 @private.delete("/desk")
-async def get_up(lab: TheLab, who: Experimenter) -> Response:
+async def close_views(lab: TheLab, who: Experimenter) -> Response:
     """Give the cookie back, when the dashboard forgets its token."""
     response = JSONResponse({"desk": None})
     response.delete_cookie(COOKIE, path=prefix(lab) + PATH, httponly=True, samesite="strict")
     return response
 
 
-def holds_desk(lab: Lab, cookies: dict[str, str]) -> bool:
+def holds_dashboard_cookie(lab: Lab, cookies: dict[str, str]) -> bool:
     """Whether a request comes from a dashboard that has shown its token."""
     return same_token(cookies.get(COOKIE, ""), dashboard_key(lab.experimenter_token))
 
@@ -62,11 +62,11 @@ def _forbidden() -> Response:
 def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
     """Put all routes of this file into an app."""
     app.include_router(private)
-    places = Places(MAX_ONLOOKERS)
+    places = Places(MAX_SPECTATORS)
 
     @app.get("/dashboard/scene/{participant}/", include_in_schema=False)
     async def scene_page(request: Request, participant: str) -> Response:
-        if not holds_desk(lab, request.cookies):
+        if not holds_dashboard_cookie(lab, request.cookies):
             return _forbidden()
         return scene_page_response(request.headers, steered=True)
 
@@ -80,7 +80,7 @@ def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
         return _report_file(request, f"figures/{name}" if name in drawn else None)
 
     def _report_file(request: Request, name: str | None) -> Response:
-        if not holds_desk(lab, request.cookies):
+        if not holds_dashboard_cookie(lab, request.cookies):
             return _forbidden()
         if lab.reporter.status.state != "made" or name is None:
             return JSONResponse({"detail": "there is no report now; make it from the dashboard"}, 404)
@@ -89,7 +89,7 @@ def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
 
     @app.websocket("/dashboard/scene/{participant}")
     async def scene_socket(websocket: WebSocket, participant: str) -> None:
-        allowed = holds_desk(lab, websocket.cookies) and same_origin(websocket, lab.config.public_url)
+        allowed = holds_dashboard_cookie(lab, websocket.cookies) and same_origin(websocket, lab.config.public_url)
         if not allowed:
             await websocket.close(1008)
             return

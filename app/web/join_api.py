@@ -11,7 +11,7 @@ from fastapi import APIRouter, FastAPI, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.lab.lab import Lab
-from app.lab.open_enrolment import Offer, Recruiter, cookie_name
+from app.lab.open_enrolment import Offer, OpenEnrolment, cookie_name
 from app.lab.tokens import Attempts, new_token
 from app.web.access import TheLab
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
@@ -67,10 +67,10 @@ def reply_to(lab: Lab, offer: Offer) -> JoinReply:
 async def look(request: Request, lab: Lab) -> Offer:
     """What the link of this request offers its browser."""
     given = {name: request.query_params.getlist(name) for name in request.query_params}
-    recruiter: Recruiter = request.app.state.recruiter
-    person = recruiter.person(given)
+    enrolment: OpenEnrolment = request.app.state.open_enrolment
+    person = enrolment.person(given)
     token = request.cookies.get(cookie_name(person), "") if person else ""
-    return await recruiter.look(given, token)
+    return await enrolment.look(given, token)
 
 
 STATUS: Mapping[str, int] = {"bad_link": 400, "closed": 404, "full": 409, "elsewhere": 409}
@@ -96,11 +96,11 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
     if wait_s > 0:
         text = f"too many people begin from this address at once; please try again in {wait_s} s"
         raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
-    recruiter: Recruiter = request.app.state.recruiter
+    enrolment: OpenEnrolment = request.app.state.open_enrolment
     given = {name: (value,) for name, value in body.parameters.items()}
-    person = recruiter.person(given)
+    person = enrolment.person(given)
     token = request.cookies.get(cookie_name(person), "") if person else ""
-    found = await recruiter.join(given, token)
+    found = await enrolment.join(given, token)
     reply = reply_to(lab, found)
     response.status_code = STATUS.get(reply.state, 200)
     if person and found.token:
@@ -112,6 +112,6 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
 
 def add_join(app: FastAPI, lab: Lab) -> None:
     """Put the routes of this file into an app whose `state.lab` is the lab."""
-    app.state.recruiter = Recruiter(lab)
+    app.state.open_enrolment = OpenEnrolment(lab)
     app.state.joins = Attempts(allowed=JOINS_A_MINUTE)
     app.include_router(router)

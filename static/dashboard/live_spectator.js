@@ -42,7 +42,7 @@ export class Spectator {
     );
     this.steer.addEventListener("click", () => this.frame?.contentWindow?.focus());
     this.sign = h("p", { class: "spectator-sign", role: "status", hidden: true, data: { testid: "spectator-sign" } });
-    this.stage = h("div", { class: "spectator", hidden: true, data: { testid: "spectator" } }, this.sign);
+    this.view = h("div", { class: "spectator", hidden: true, data: { testid: "spectator" } }, this.sign);
     this.help = h(
       "p",
       { class: "hint", id: helpId, hidden: true },
@@ -57,7 +57,7 @@ export class Spectator {
         h("h2", { id: titleId }, "The robot in 3-D"),
         h("span", { class: "buttons" }, this.steer, this.toggle),
       ),
-      this.stage,
+      this.view,
       this.help,
     );
     /** @type {(event: MessageEvent) => void} */
@@ -86,7 +86,7 @@ export class Spectator {
   close() {
     this.frame?.remove();
     this.frame = null;
-    for (const part of [this.stage, this.help, this.steer]) part.hidden = true;
+    for (const part of [this.view, this.help, this.steer]) part.hidden = true;
     this._toggled(false);
   }
 
@@ -116,8 +116,8 @@ export class Spectator {
         src: labUrl(`/dashboard/scene/${encodeURIComponent(this.participant)}/`),
         data: { testid: "spectator-frame" },
       });
-      this.stage.prepend(this.frame);
-      for (const part of [this.stage, this.help, this.steer]) part.hidden = false;
+      this.view.prepend(this.frame);
+      for (const part of [this.view, this.help, this.steer]) part.hidden = false;
       this._say();
     });
     if (this.frame) this._toggled(true);

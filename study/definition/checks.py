@@ -11,7 +11,7 @@ from typing import Any
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
-from study.definition.sections import Recruitment
+from study.definition.sections import DistractorSettings, Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
 
 
@@ -21,7 +21,7 @@ def cross_problems(
     objects: Collection[str],
     bins: Collection[str] | None,
 ) -> Iterator[Problem]:
-    """Every clash in the data; `layouts` may map a layout to its number of slots (see `design.load_study`)."""
+    """Every clash in the data; `layouts` may map a layout to its number of slots (see `study.load_study`)."""
     layout = data.get("layout")
     if isinstance(layout, str) and layout not in layouts:
         yield Problem(("layout",), choices_sentence(layout, layouts, "layouts"))
@@ -86,13 +86,14 @@ def _option_problems(place: tuple[Any, ...], entry: Mapping[str, Any]) -> Iterat
 def _distractor_problems(distractor: object) -> Iterator[Problem]:
     if not isinstance(distractor, dict):
         return
-    every, within = distractor.get("every_s", 20.0), distractor.get("answer_within_s", 20.0)
-    away, digits = distractor.get("away_min_s", 5.0), distractor.get("digits", 4)
+    chosen = {**DistractorSettings().model_dump(), **distractor}
+    every, within, away = chosen["every_s"], chosen["answer_within_s"], chosen["away_min_s"]
+    digits, decimals = chosen["digits"], chosen["decimals"]
     if _both_numbers(within, every) and within > every:
         yield Problem(("distractor", "answer_within_s"), f"must be at most every_s, which is {every}")
     if _both_numbers(away, within) and away > within:
         yield Problem(("distractor", "away_min_s"), f"must be at most answer_within_s, which is {within}")
-    if _both_numbers(distractor.get("decimals", 1), digits) and distractor.get("decimals", 1) >= digits:
+    if _both_numbers(decimals, digits) and decimals >= digits:
         yield Problem(("distractor", "decimals"), f"must be below digits, which is {digits}")
 
 

@@ -18,7 +18,7 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from app.simulated.bot import Entrance, enter, run_bot
+from app.simulated.bot import PageAccess, enter, run_bot
 from tests.bench.figure import Figure
 from tests.support import lab_server
 from tests.support.lab_server import LabServer
@@ -73,9 +73,9 @@ async def _drive(link: str) -> tuple[SceneBytes, int, int]:
     async with visit(link) as player:
         await player.reach("trial_ready")
         await player.status("ready")
-        entrance = await enter(link)  # the same key as the socket's: it takes nothing over
-        page_bytes, packed_bytes = await _page_bytes(entrance)
-        async with _watching(entrance) as received:
+        access = await enter(link)  # the same key as the socket's: it takes nothing over
+        page_bytes, packed_bytes = await _page_bytes(access)
+        async with _watching(access) as received:
             await player._submit("start", {}, None)
             await player.page("trial")
             await player.status("running")
@@ -97,22 +97,22 @@ async def _hear(player: Player) -> None:
             await player.wire.receive_raw()
 
 
-async def _page_bytes(entrance: Entrance) -> tuple[int, int]:
-    headers = {"Cookie": entrance.cookie, "Accept-Encoding": "gzip"}
+async def _page_bytes(access: PageAccess) -> tuple[int, int]:
+    headers = {"Cookie": access.cookie, "Accept-Encoding": "gzip"}
     async with (
         httpx.AsyncClient(trust_env=False) as client,
-        client.stream("GET", urljoin(entrance.page_url, "scene/"), headers=headers) as response,
+        client.stream("GET", urljoin(access.page_url, "scene/"), headers=headers) as response,
     ):
         packed = b"".join([part async for part in response.aiter_raw()])
     return len(gzip.decompress(packed)), len(packed)
 
 
 @contextlib.asynccontextmanager
-async def _watching(entrance: Entrance) -> AsyncIterator[SceneBytes]:
+async def _watching(access: PageAccess) -> AsyncIterator[SceneBytes]:
     """A 3-D client that counts; entered when it has everything."""
     received = SceneBytes()
-    url = urljoin(entrance.socket_url, "scene")
-    headers = {"Cookie": entrance.cookie}
+    url = urljoin(access.socket_url, "scene")
+    headers = {"Cookie": access.cookie}
     protocols = [Subprotocol(PROTOCOL)]
     async with connect(url, additional_headers=headers, subprotocols=protocols, max_size=None, proxy=None) as socket:
         await socket.send(camera_message())

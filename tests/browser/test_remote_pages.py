@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 
-from app.simulated.bot import Entrance, open_wire
+from app.simulated.bot import PageAccess, open_wire
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pad import FakePad
 from tests.support.lab_server import LabServer
@@ -49,10 +49,10 @@ def state_of(page: Page, check: str) -> str | None:
 def drive_to(lab: LabServer, context: BrowserContext, page: Page, state: str) -> None:
     """Fill in what comes, over the page's own socket and with its cookie."""
     cookie = next(one for one in context.cookies(page.url) if one["name"] == "salab")
-    entrance = Entrance(page.url, f"salab={cookie['value']}")
+    access = PageAccess(page.url, f"salab={cookie['value']}")
 
     async def go() -> None:
-        async with open_wire(entrance, "hand") as wire:
+        async with open_wire(access, "hand") as wire:
             await Player(wire).reach(state)
 
     with ThreadPoolExecutor(1) as pool:  # a loop of its own: the browser's runs in this thread

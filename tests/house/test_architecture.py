@@ -19,6 +19,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("app", "sim", "study")
+NO_PRODUCT = ("docs", "tests")
+"""Packages of the checkout that no product code may need: an installed lab has neither."""
 
 FLOORS: tuple[tuple[str, ...], ...] = (
     # the edge: what people and programs talk to
@@ -58,11 +60,16 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "uvicorn": ("app.web", "app.commands"),
     "typer": ("app.commands",),
     "tqdm": ("app.simulated.progress",),
+    "rich": (),
+    "httpx": ("app.simulated.bot",),
+    "websockets": ("app.web", "app.simulated.bot"),
     "pybullet": ("sim.bullet",),
     "pybullet_data": (),
+    "pybullet_utils": (),
     "viser": ("sim.nodes",),
     "sqlalchemy": ("study.store",),
     "sqlite3": ("study.store",),
+    "aiosqlite": (),
     "alembic": ("study.store",),
     "pyarrow": ("study.export.data_package",),
     "matplotlib": ("study.analysis.figures",),
@@ -76,12 +83,14 @@ PURE = (
     *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.views"),
 )
 """Rooms and modules of values and rules: no clock, no socket, no randomness of their own, few libraries."""
+CLOCKLESS = (*PURE, "app.trial")
+"""Those, and what may use the robots' libraries but has no clock, no socket and no randomness of its own either."""
 PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_types", "tomli", "typing_extensions"})
 IMPURE_STDLIB = frozenset(
     {"asyncio", "http", "multiprocessing", "random", "secrets", "select", "socket", "sqlite3", "subprocess"}
     | {"tempfile", "threading", "time", "urllib"}
 )
-"""What pure code is given (`now_s`, `rng`, text) instead of fetching it."""
+"""What clockless code is given (`now_s`, `rng`, text) instead of fetching it."""
 
 
 # --- reading imports ---------------------------------------------------------------------------------------------
@@ -149,7 +158,7 @@ def violations(sources: Mapping[str, str]) -> list[str]:
     for module, source in sources.items():
         if module in PACKAGES:
             found += [f"{module}:{line} imports {name}: a house's own text is a docstring" for line, name in
-                      imported_names(source, module, True) if name.split(".")[0] in PACKAGES]  # fmt: skip
+                      imported_names(source, module, True) if is_in(name, (*PACKAGES, *NO_PRODUCT))]  # fmt: skip
             continue
         if room_of(module) is None:
             found.append(
@@ -192,14 +201,15 @@ def modules_of(package: str) -> frozenset[str]:
 
 
 def _outside_import(where: str, module: str, library: str) -> Iterator[str]:
+    if library in NO_PRODUCT:
+        yield f"{where} imports {library}, which is no part of the product: move what it needs into the product."
     doors = ONLY_IN.get(library)
     if doors is not None and not is_in(module, doors):
-        yield f"{where} imports {library}: only {', '.join(sorted(doors)) or 'nobody'} may."
-    if not is_in(module, PURE):
-        return
-    if library in IMPURE_STDLIB:
-        yield f"{where} (pure) imports {library}: pure code is given now_s, rng and text, it does not fetch them."
-    if library not in sys.stdlib_module_names and library not in PURE_LIBRARIES:
+        allowed = f"only {', '.join(sorted(doors))}" if doors else "nobody"
+        yield f"{where} imports {library}: {allowed} may."
+    if library in IMPURE_STDLIB and is_in(module, CLOCKLESS):
+        yield f"{where} (clockless) imports {library}: it is given now_s, rng and text, it does not fetch them."
+    if is_in(module, PURE) and library not in sys.stdlib_module_names and library not in PURE_LIBRARIES:
         yield f"{where} (pure) imports {library}: pure code has only {', '.join(sorted(PURE_LIBRARIES))}."
 
 
@@ -277,8 +287,19 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
             "imports study.store.tables: what others may",
         ),
         ("app.lab.lab", "from study.store import database", "imports study.store.database: what others may use"),
-        ("study.flow.protocol", "import time", "pure code is given now_s"),
-        ("app.wire", "import asyncio", "app.wire:1 (pure) imports asyncio"),
+        ("app.web.scene_proxy", "import pybullet_utils.bullet_client", "imports pybullet_utils: nobody may"),
+        ("sim.bullet", "import pybullet_utils", "imports pybullet_utils: nobody may"),
+        ("app.session.connections", "from websockets.asyncio.client import connect", "only app.simulated.bot, app.web"),
+        ("app.commands.program", "from rich.console import Console", "imports rich: nobody may"),
+        ("study.store.database", "import aiosqlite", "imports aiosqlite: nobody may"),
+        ("app.web.server", "import httpx", "imports httpx: only app.simulated.bot may"),
+        ("study.flow.protocol", "import time", "(clockless) imports time: it is given now_s, rng and text"),
+        ("app.wire", "import asyncio", "app.wire:1 (clockless) imports asyncio"),
+        ("app.trial.engine", "import time", "app.trial.engine:1 (clockless) imports time"),
+        ("app.trial.world", "def f():\n    import random", "app.trial.world:2 (clockless) imports random"),
+        ("app.lab.lab", "from tests.support.fake_lab import Lab", "imports tests, which is no part of the product"),
+        ("sim.ik", "import docs.words", "imports docs, which is no part of the product"),
+        ("app", "import tests", "a house's own text is a docstring"),
         ("app.surprise", "", "app.surprise stands in no room"),
         ("app.trial.engine", "from app.surprise import Box", "app.surprise.Box, which stands in no room"),
         ("app", "from app.trial.engine import TrialEngine", "a house's own text is a docstring"),
@@ -301,6 +322,8 @@ def test_allowed_imports_are_silent() -> None:
     )
     assert violations({"app.web.server": served}) == []
     assert violations({"sim.bullet": "import time\nimport pybullet\nfrom sim.interface import Robot"}) == []
+    assert violations({"app.trial.engine": "import scipy\nfrom sim.interface import Robot"}) == []
+    assert violations({"app.simulated.bot": "import httpx\nfrom websockets.asyncio.client import connect"}) == []
 
 
 def test_a_circle_is_reported_by_its_way() -> None:

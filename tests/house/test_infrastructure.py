@@ -110,6 +110,35 @@ def test_a_missing_node_that_is_required_is_installed_first(
     assert "npm ci" not in capfd.readouterr().out, "what is installed is not installed again"
 
 
+NPM_WITHOUT_REGISTRY = "echo 'npm error code ECONNREFUSED' >&2; exit 1"
+NPM_WITH_A_WRONG_LOCK_FILE = "echo 'npm error code EUSAGE' >&2; exit 7"
+
+
+@pytest.mark.parametrize(
+    ("npm", "required", "code", "said"),
+    [
+        (NPM_WITHOUT_REGISTRY, "", 0, "JavaScript NOT checked: npm reaches no registry (ECONNREFUSED)"),
+        (NPM_WITHOUT_REGISTRY, "1", 1, "JavaScript NOT checked: npm reaches no registry (ECONNREFUSED)"),
+        (NPM_WITH_A_WRONG_LOCK_FILE, "", 7, "npm error code EUSAGE"),
+    ],
+)
+def test_without_a_registry_the_javascript_is_passed_over_aloud(
+    npm: str,
+    required: str,
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "package-lock.json").write_text("{}", encoding="utf-8")
+    monkeypatch.setattr(javascript, "FOLDER", tmp_path)
+    script(tmp_path / "node", "echo v20.1.0")
+    script(tmp_path / "npm", npm)
+    assert javascript.main({"PATH": str(tmp_path), "SALAB_REQUIRE_NODE": required}) == code
+    assert said in "".join(capfd.readouterr())
+
+
 # --- starting a lab ----------------------------------------------------------------------------------------------
 
 

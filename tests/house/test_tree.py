@@ -22,22 +22,25 @@ TOP_LEVEL = {
     *("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "Makefile"),
     *(".ci", ".gitignore", "app", "docs", "static", "sim", "study", "tests"),
 }
-SKIPPED_FOLDERS = {".git", ".venv", "__pycache__", "data", "node_modules"}  # when there is no git to ask
+
+# When there is no git to ask: what tools leave behind anywhere, and what the README's commands write at the top.
+LEFT_BEHIND = {"__pycache__", "node_modules"}
+LEFT_AT_THE_TOP = {".git", ".venv", ".hypothesis", ".mypy_cache", ".pytest_cache", ".ruff_cache", "build", "dist"}
+WRITTEN_BY_THE_README = {"data", "my-study.toml", "out", "pilot", "pilot-report", "replication", "report"}
 
 
-def tree_files() -> list[Path]:
-    """The project's files: what git has or would add, or in an unpacked archive everything."""
-    asked = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-    )
-    if asked.returncode == 0:
-        listed = [ROOT / name for name in asked.stdout.split("\0") if name]
-    else:
-        listed = [path for path in ROOT.rglob("*") if not SKIPPED_FOLDERS & set(path.relative_to(ROOT).parts)]
+def tree_files(root: Path = ROOT) -> list[Path]:
+    """The project's files: those git tracks, or in an unpacked archive all but what was made there since."""
+    asked = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True)
+    listed = [root / name for name in asked.stdout.split("\0") if name]
+    if not listed:  # there is no repository, or one around us that has none of our files
+        listed = [path for path in root.rglob("*") if not _was_made_here(path.relative_to(root).parts)]
     return sorted(path for path in listed if path.is_file())
+
+
+def _was_made_here(parts: tuple[str, ...]) -> bool:
+    at_top = parts[0] in LEFT_AT_THE_TOP | WRITTEN_BY_THE_README or parts[0].endswith(".egg-info")
+    return at_top or bool(LEFT_BEHIND & set(parts))
 
 
 def texts() -> Iterator[tuple[Path, str]]:
@@ -50,6 +53,31 @@ def texts() -> Iterator[tuple[Path, str]]:
 
 def test_the_top_level_is_what_the_map_says() -> None:
     assert {path.relative_to(ROOT).parts[0] for path in tree_files()} - TOP_LEVEL == set()
+
+
+def names(root: Path) -> list[str]:
+    return [path.relative_to(root).as_posix() for path in tree_files(root)]
+
+
+def test_what_a_user_made_in_the_checkout_is_no_part_of_the_tree(tmp_path: Path) -> None:
+    for name in ("README.md", "app/report/job.py", "pilot/ticks.csv", "report/index.html", "my-study.toml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("text", encoding="utf-8")
+    assert names(tmp_path) == ["README.md", "app/report/job.py"], "an unpacked archive"
+    subprocess.run(["git", "init", "--quiet"], cwd=tmp_path, check=True)
+    assert names(tmp_path) == ["README.md", "app/report/job.py"], "a repository that has none of it"
+    (tmp_path / "stray.txt").write_text("text", encoding="utf-8")
+    assert "stray.txt" in names(tmp_path)
+    subprocess.run(["git", "add", "README.md", "pilot"], cwd=tmp_path, check=True)
+    assert names(tmp_path) == ["README.md", "pilot/ticks.csv"], "what git tracks, whatever its name"
+
+
+def test_what_the_readme_writes_is_known() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = [line for line in text.splitlines() if line.startswith(".venv/bin/salab ")]
+    written = {name for line in commands for name in re.findall(r"--(?:out|data) ([\w.-]+)", line)}
+    written |= {f"{name}.toml" for line in commands for name in re.findall(r"salab new ([\w-]+)", line)}
+    assert written == WRITTEN_BY_THE_README
 
 
 # Put together from halves, so that this file does not contain what it looks for.

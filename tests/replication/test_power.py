@@ -97,6 +97,29 @@ def test_sizes_that_cannot_be_drawn_are_told(sizes: tuple[int, ...], draws: int,
         power([as_the_paper_found(np.random.default_rng(6))], sizes, draws, 1, 1)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("--sizes 1", "size 1; it must be from 2 to 480"),
+        ("--sizes 6 500", "size 500; it must be from 2 to 480"),
+        ("--studies 2 --sizes 6 25", "size 25; it must be from 2 to 24"),
+        ("--draws 0", "draws is 0"),
+        ("--workers 0", "workers is 0"),
+        ("--studies 0", "studies is 0"),
+    ],
+)
+def test_the_command_tells_what_is_out_of_bounds_before_it_simulates(
+    wrong: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def simulated(*given: object) -> None:
+        pytest.fail("people were simulated first")
+
+    monkeypatch.setattr("app.replication.studies.run_studies", simulated)
+    assert main(["power", *wrong.split(), "--out", str(tmp_path / "out")]) == 1
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_command_uses_what_was_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["power", "--studies", "0", "--out", str(tmp_path / "out")]) == 1
     assert "studies is 0" in capsys.readouterr().err

@@ -27,7 +27,7 @@ from sim.interface import (
     still,
 )
 from sim.kinematic import KinematicRobot
-from tests.support.robot_cases import SPEED_M_S, drive, move_gripper, pick_and_place, settle, way_in
+from tests.support.robot_cases import SPEED_M_S, START_JOINTS_RAD, drive, move_gripper, pick_and_place, settle, way_in
 
 ARC, ROWS = layouts.LAYOUTS["arc"], layouts.LAYOUTS["rows"]
 IDS = list(objects.STUDY_OBJECTS)
@@ -76,7 +76,7 @@ def test_reset_is_a_fresh_world(robot: Robot) -> None:
     state = robot.observe()
     assert state.time_s == 0.0
     assert state.position_world_gripper_m == pytest.approx(TABLE.start_world_m, abs=1e-6)
-    assert state.joint_positions_rad == pytest.approx(fetch.START_JOINTS_RAD, abs=1e-6)
+    assert state.joint_positions_rad == pytest.approx(START_JOINTS_RAD, abs=1e-6)
     assert (state.gripper, state.held, state.lagging) == ("open", None, False)
     assert state.finger_opening_m == pytest.approx(fetch.MAX_OPENING_M, abs=1e-6)
     assert [item.id for item in state.objects] == IDS

@@ -16,6 +16,7 @@ from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, practice_scene, scene
 from sim.objects import STUDY_OBJECTS
 from sim.scene import SceneOptions, SceneView
 from sim.views import DEFAULT_VIEW, VIEWS
+from tests.support.robot_cases import START_JOINTS_RAD
 from tests.support.viser_client import TIMEOUT_S, ViserClient, names
 
 LAYOUT = LAYOUTS[DEFAULT_LAYOUT]
@@ -24,7 +25,7 @@ UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
 def world(
-    spec: SceneSpec, joints_rad: Sequence[float] = fetch.START_JOINTS_RAD, **moved: tuple[float, float, float]
+    spec: SceneSpec, joints_rad: Sequence[float] = START_JOINTS_RAD, **moved: tuple[float, float, float]
 ) -> WorldState:
     """The world of a scene at rest, with some objects elsewhere."""
     objects = []
@@ -74,7 +75,7 @@ def test_a_client_gets_robot_table_bins_and_objects_where_they_are(view: SceneVi
     assert {f"/object/{name}" for name in STUDY_OBJECTS} <= sent
     assert {"/fixed/table", "/fixed/bin/left_bin", "/fixed/bin/right_bin", "/floor"} <= sent
     assert {f"/robot/{joint.child}" for joint in fetch.ARM_JOINTS} <= sent
-    poses = fetch.link_poses(fetch.START_JOINTS_RAD, 0.1)
+    poses = fetch.link_poses(START_JOINTS_RAD, 0.1)
     np.testing.assert_allclose(client.position("/robot/gripper_link"), poses["gripper_link"][0], atol=2e-5)
     np.testing.assert_allclose(client.position("/object/spray_bottle"), (0.7, 0.1, 0.9), atol=2e-5)
     rest = SIX.object("wipes_tub").rest_pose.position_world_m
@@ -210,7 +211,7 @@ def test_after_a_reset_the_arm_glides_home(clock: Clock) -> None:
         asked.append(joints_rad[0])
         return fetch.link_poses(joints_rad, opening_m)
 
-    away = (0.8, *fetch.START_JOINTS_RAD[1:])
+    away = (0.8, *START_JOINTS_RAD[1:])
     with SceneView(link_poses, simple_look(), SceneOptions(reset_tween_s=1.0), clock) as view:
         view.open()
         view.show(SIX)

@@ -28,7 +28,7 @@ from sim.kinematic import KinematicRobot
 from sim.layouts import scene
 from sim.scene import SceneView
 from sim.spectator import FULL_M, SpectatorView
-from sim.views import ONLOOKER
+from sim.views import SPECTATOR
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.sim.test_scene import LAYOUT, SIX, joined, world
 from tests.support.lab_server import LabServer
@@ -102,7 +102,7 @@ def spectators() -> Iterator[SpectatorView]:
     view.close()
 
 
-def test_an_onlooker_sees_the_belief_over_the_goals_and_which_is_instructed(spectators: SpectatorView) -> None:
+def test_a_spectator_sees_the_belief_over_the_goals_and_which_is_instructed(spectators: SpectatorView) -> None:
     spectators.update(world(SIX), {}, BELIEF, "sponge_pack")
     with ViserClient(spectators.open()) as client:
         client.backlog()
@@ -120,12 +120,12 @@ def test_an_onlooker_sees_the_belief_over_the_goals_and_which_is_instructed(spec
         assert client.position("/belief/column/right_bin")[:2] == pytest.approx(SIX.bin("right_bin").center_xy_m)
 
 
-def test_every_onlooker_steers_a_camera_of_their_own(spectators: SpectatorView) -> None:
+def test_every_spectator_steers_a_camera_of_their_own(spectators: SpectatorView) -> None:
     spectators.update(world(SIX), {}, BELIEF, None)
     with ViserClient(spectators.open()) as client:
         client.backlog()
         start = [m for m in client.messages if m["type"] == "SetCameraPositionMessage"][-1]
-        assert start["position"] == pytest.approx(ONLOOKER.position_world_m)
+        assert start["position"] == pytest.approx(SPECTATOR.position_world_m)
         client.forget()
         spectators.update(world(SIX, sponge_pack=(0.8, -0.4, 1.0)), {}, BELIEF, None)
         client.until(type="SetPositionMessage", name="/object/sponge_pack")
@@ -202,7 +202,7 @@ def test_a_robot_that_waits_can_be_looked_at_and_one_without_a_scene_says_no(mon
     assert isinstance(bare[0].report, Ready) and [report.port for report in of(bare, SpectatorPort)] == [None]
 
 
-def test_a_view_that_fails_costs_the_onlookers_their_picture_and_the_participant_nothing(
+def test_a_view_that_fails_costs_the_spectators_their_picture_and_the_participant_nothing(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def broken() -> Any:
@@ -229,26 +229,26 @@ class Line:
         self.on_sent(command.looking)
 
 
-async def test_the_view_is_there_from_the_first_onlooker_to_the_last() -> None:
+async def test_the_view_is_there_from_the_first_spectator_to_the_last() -> None:
     line = Line()
-    onlookers = Spectators(cast(WorkerLink, line), lingers_s=0.01)
+    spectators = Spectators(cast(WorkerLink, line), lingers_s=0.01)
     closed = asyncio.Event()
 
     def answer(looking: bool) -> None:
-        onlookers.told(4712 if looking else None)
+        spectators.told(4712 if looking else None)
         if not looking:
             closed.set()
 
     line.on_sent = answer
-    async with onlookers.look() as port, onlookers.look() as again:
-        assert port == again == 4712 and onlookers.count == 2
-    async with onlookers.look() as port:  # a reload finds it again
+    async with spectators.look() as port, spectators.look() as again:
+        assert port == again == 4712 and spectators.count == 2
+    async with spectators.look() as port:  # a reload finds it again
         assert port == 4712
     assert line.sent == [True]
     await asyncio.wait_for(closed.wait(), 5.0)
     assert line.sent == [True, False]
     line.ready = False
-    async with onlookers.look() as port:
+    async with spectators.look() as port:
         assert port is None
 
 

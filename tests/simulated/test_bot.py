@@ -353,11 +353,30 @@ def test_the_command_line_bot_completes_the_short_study(
     assert capsys.readouterr().out == "done: 0 ticks, 0 alerts answered, 0 surveys\n"
 
 
-@pytest.mark.parametrize("url", ["http://127.0.0.1:9/p/x", "http://[", "nonsense", "ftp://127.0.0.1/p/x"])
-def test_a_bot_that_finds_nothing_says_so_in_one_line(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+LOOKS_LIKE = "is no link; one looks like http://127.0.0.1:8000/p/TOKEN"
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("http://127.0.0.1:9/p/secret", "http://127.0.0.1:9/p/…: ConnectError"),
+        ("http://127.0.0.1:9/p/secret/", "http://127.0.0.1:9/p/…: ConnectError"),
+        ("http://[", LOOKS_LIKE),
+        ("http://127.0.0.1:port/p/secret", LOOKS_LIKE),
+        ("http://127.0.0.1\n/p/secret", LOOKS_LIKE),
+        ("nonsense", f"'nonsense' {LOOKS_LIKE}"),
+        ("", f"'' {LOOKS_LIKE}"),
+        ("localhost:8000/p/secret", f"'localhost:8000/p/…' {LOOKS_LIKE}"),
+        ("127.0.0.1:8000/p/secret", LOOKS_LIKE),
+        ("http:///p/secret", LOOKS_LIKE),
+        ("ftp://127.0.0.1/p/secret", f"'ftp://127.0.0.1/p/…' {LOOKS_LIKE}"),
+    ],
+)
+def test_a_bot_that_finds_nothing_says_so_in_one_line(url: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bot", "--url", url]) == 1
     printed = capsys.readouterr()
     assert printed.err.startswith("salab: ") and printed.err.count("\n") == 1
+    assert told in printed.err and "secret" not in printed.err
     assert printed.out == ""
 
 

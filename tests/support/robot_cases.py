@@ -15,6 +15,8 @@ from sim.layouts import LIFT_M, Layout
 
 SPEED_M_S = 0.04
 SETTLE_TICKS = 12
+START_JOINTS_RAD = (0.0, -0.0496075630, 0.0, 1.9569446115, 0.0, -1.9073370485, 0.0)
+"""The posture in which every robot starts: that of `sim.ik` at `fetch.START_POSITION_M`."""
 
 
 def drive(robot: Robot, target_m: Vector3, speed_m_s: float = SPEED_M_S) -> WorldState:

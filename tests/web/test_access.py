@@ -225,18 +225,18 @@ async def test_cookies_open_only_their_own_sockets(quick_lab: LabServer, someone
             assert await refused(url, Cookie=cookie) == 403
     for cookie in ("", participant.cookie, f"salab_panel={token}", other.cookie):
         assert await refused(panel.socket_url, Cookie=cookie) == 403
-    for entrance in (participant, panel):
-        async with connect(entrance.socket_url, additional_headers={"Cookie": entrance.cookie}, proxy=None) as socket:
+    for access in (participant, panel):
+        async with connect(access.socket_url, additional_headers={"Cookie": access.cookie}, proxy=None) as socket:
             await socket.send(Hello(protocol=PROTOCOL_VERSION, client="x").model_dump_json())
             assert '"welcome"' in str(await socket.recv())
 
 
 async def test_a_page_of_another_site_opens_no_socket(quick_lab: LabServer, someone: dict[str, Any]) -> None:
-    entrance = await enter(someone["link"])
+    access = await enter(someone["link"])
     for origin in ("http://evil.example", "null", "http://127.0.0.1:1", quick_lab.base_url + ".evil.example"):
-        assert await refused(entrance.socket_url, Cookie=entrance.cookie, Origin=origin) == 403
-    headers = {"Cookie": entrance.cookie, "Origin": quick_lab.base_url}
-    async with connect(entrance.socket_url, additional_headers=headers, proxy=None):
+        assert await refused(access.socket_url, Cookie=access.cookie, Origin=origin) == 403
+    headers = {"Cookie": access.cookie, "Origin": quick_lab.base_url}
+    async with connect(access.socket_url, additional_headers=headers, proxy=None):
         pass
 
 

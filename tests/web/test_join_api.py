@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.simulated.bot import Entrance, open_wire, run_bot
+from app.simulated.bot import PageAccess, open_wire, run_bot
 from app.web.join_api import JOINS_A_MINUTE
 from app.wire import Error, Ping
 from study.flow.eligibility import PINGS
@@ -63,9 +63,9 @@ def recruitment(lab: LabServer) -> dict[str, Any]:
     return told
 
 
-def entrance(lab: LabServer, browser: httpx.Client, reply: dict[str, Any]) -> Entrance:
+def page_access(lab: LabServer, browser: httpx.Client, reply: dict[str, Any]) -> PageAccess:
     page_url = str(httpx.URL(lab.base_url).join(reply["page"]))
-    return Entrance(page_url, "; ".join(f"{name}={value}" for name, value in browser.cookies.items()))
+    return PageAccess(page_url, "; ".join(f"{name}={value}" for name, value in browser.cookies.items()))
 
 
 # ---- the link
@@ -187,7 +187,7 @@ async def test_an_id_opens_nothing_in_another_browser_once_its_owner_has_agreed(
         assert [browser.get(place).status_code for browser in (someone, other)] == [403, 200]
         assert join(someone, person).json()["page"] == reply["page"]
         assert [browser.get(place).status_code for browser in (someone, other)] == [200, 403]
-    async with open_wire(entrance(open_lab, someone, reply), "tab") as wire:
+    async with open_wire(page_access(open_lab, someone, reply), "tab") as wire:
         await Player(wire).reach("demographics")
     with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:
         told = join(other, person)
@@ -247,7 +247,7 @@ async def test_a_device_that_does_not_fit_is_screened_out_with_its_reason_in_the
     person = new_id()
     reply = join(someone, person).json()
     held = recruitment(open_lab)["held"]
-    async with open_wire(entrance(open_lab, someone, reply), "tab") as wire:
+    async with open_wire(page_access(open_lab, someone, reply), "tab") as wire:
         player = Player(wire)
         page = await player.page("eligibility")
         assert page.content["checks"] == ["window", "webgl", "round_trip"]
@@ -279,7 +279,7 @@ async def test_a_device_that_fits_goes_on_and_no_export_knows_whose_it_was(
 ) -> None:
     person, session = new_id(), "64b2feedfacecafe"
     reply = join(someone, person, SESSION_ID=session).json()
-    async with open_wire(entrance(open_lab, someone, reply), "tab") as wire:
+    async with open_wire(page_access(open_lab, someone, reply), "tab") as wire:
         player = Player(wire)
         await player.reach("setup")
         assert not player.heard(Error)

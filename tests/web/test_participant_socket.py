@@ -170,9 +170,9 @@ async def test_an_input_outside_a_trial_says_so(consent_player: Player) -> None:
 
 
 async def test_nothing_comes_before_hello_and_hello_can_be_said_again(link: str) -> None:
-    entrance = await enter(link)
+    access = await enter(link)
     async with connect(
-        entrance.socket_url, additional_headers={"Cookie": entrance.cookie}, compression=None, proxy=None
+        access.socket_url, additional_headers={"Cookie": access.cookie}, compression=None, proxy=None
     ) as connection:
 
         async def ask(frame: str | bytes) -> dict[str, Any]:
@@ -329,14 +329,14 @@ async def test_a_page_that_leaves_before_hello_is_no_error(frames: tuple[str, ..
 
 async def test_more_sockets_than_allowed_are_refused(quick_lab: LabServer) -> None:
     link = invite(quick_lab)["link"]
-    entrance = await enter(link)
+    access = await enter(link)
     async with contextlib.AsyncExitStack() as stack:
 
         async def open_one() -> Any:
             return await stack.enter_async_context(
                 connect(
-                    entrance.socket_url,
-                    additional_headers={"Cookie": entrance.cookie},
+                    access.socket_url,
+                    additional_headers={"Cookie": access.cookie},
                     compression=None,
                     proxy=None,
                 )
