@@ -32,17 +32,22 @@ class JoinRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     parameters: Annotated[dict[str, Annotated[str, Field(max_length=1000)]], Field(max_length=50)]
+    """By name, as they stand in the link's query."""
 
 
 class JoinReply(BaseModel):
     """What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in."""
 
     state: State
+    """Begin, go on (`back`), or why neither is possible."""
     title: str
+    """The study's title."""
     lines: list[str]
+    """What the page says, a paragraph each; the study file's words."""
     link: str | None = None
     """Where the study file sends who comes too late."""
     page: str | None = None
+    """Path of the participant's page; null for whoever is not let in."""
 
 
 def reply_to(lab: Lab, offer: Offer) -> JoinReply:

@@ -50,12 +50,19 @@ class LiveReply(SessionReply):
     """One session at a glance, with what can be done about it now."""
 
     trial_s: float | None
+    """Trial time, in seconds; null when no robot is needed."""
     signals_per_s: float
+    """Messages about the hands a second, over the last five seconds."""
     driving_share: float | None
+    """Share of the last twenty ticks in which the person drove or pressed; null before the first."""
     visible: bool | None
+    """Whether the page is shown; null while it is away."""
     focused: bool | None
+    """Whether the page has the focus; null while it is away."""
     sound: bool | None
+    """Whether the participant heard the test sound; null before they were asked."""
     instruction: str | None
+    """The current task as a sentence; null without one."""
     scene: str
     """Why there is no 3-D view of this session now; "" when there is one."""
 
@@ -64,6 +71,7 @@ class _Said(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     text: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
+    """The words; kept apart from the record and never exported."""
 
 
 class _Empty(BaseModel):
@@ -74,14 +82,18 @@ class _Hello(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     type: str = Field(pattern="^hello$")
+    """Always `hello`."""
     token: Annotated[str, Field(max_length=500)]
+    """The experimenter's token."""
 
 
 class _Watch(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     type: str = Field(pattern="^watch$")
+    """Always `watch`."""
     participant: Annotated[str, Field(max_length=100)] | None
+    """Whose session is open on the page; null for none."""
 
 
 def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: float) -> LiveReply:
@@ -328,16 +340,27 @@ class PlaneReply(BaseModel):
     """One of the heatmaps of the paper's Fig. 2 for the last tick. `values` has a row for each x."""
 
     kind: str
+    """information or reward."""
     tick: int
+    """Number of the tick it is of."""
     z_m: float
+    """Height of the plane, in metres in the world frame."""
     x_m: list[float]
+    """Its rows, in metres in the world frame."""
     y_m: list[float]
+    """Its columns, in metres in the world frame."""
     values: list[list[float]]
+    """A row for each x, a column for each y."""
     unit: str
+    """The unit of `values`."""
     caption: str
+    """What it shows, in words."""
     goals: list[dict[str, Any]]
+    """The goals, with their places and belief."""
     gripper_m: tuple[float, float, float]
+    """The gripper, in metres in the world frame."""
     table_m: tuple[float, float, float, float]
+    """The table top, in metres: least x, most x, least y, most y."""
 
 
 @private.get("/sessions/{participant}/heatmap")

@@ -27,29 +27,48 @@ class VerdictLine(BaseModel):
     """One ended trial. An experimenter's `override` counts instead of the automatic `quality`."""
 
     participant: str
+    """Id, such as P001."""
     trial: int
+    """Number of the trial, from 1."""
     condition: str
+    """Id of the trial's condition."""
     outcome: str
+    """How the trial ended."""
     quality: str | None
+    """The automatic verdict: good or suspect."""
     broken: list[str]
+    """The rules of the study file that the trial broke."""
     override: str | None
+    """The experimenter's verdict; null for none."""
     reason: str | None
+    """Why it was overridden; null for none."""
     round_trip_ms: float | None
+    """Time to the page and back, in milliseconds; null if not measured."""
     hidden_s: float | None
+    """How long the page was hidden, in seconds."""
     missed_ticks: int
+    """Ticks that started more than 50 ms late."""
     focus_losses: int | None
+    """How often the page lost the focus."""
     pad_losses: int | None
+    """How often the gamepad was unplugged."""
     unanswered_alerts: int | None
+    """Readings that expired."""
 
 
 class QualityReply(BaseModel):
     """One page of the trials, newest participant first, beside how many there are."""
 
     good: int
+    """Ended trials whose verdict is good."""
     suspect: int
+    """Ended trials whose verdict is suspect."""
     total: int
+    """Trials that `show` lets through, on all pages."""
     offset: int
+    """How many of them stand on earlier pages."""
     lines: list[VerdictLine]
+    """The trials of this page."""
 
 
 class OverrideRequest(BaseModel):
@@ -58,24 +77,33 @@ class OverrideRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     verdict: Literal["good", "suspect"]
+    """What counts from now on."""
     reason: Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+    """Why; it is exported with the trial."""
 
 
 class ScoreLine(BaseModel):
     """The mean score of a questionnaire under one condition, over `n` trials."""
 
     instrument: str
+    """Id of the questionnaire."""
     condition: str
+    """Id of the condition."""
     n: int
+    """How many trials it is the mean of."""
     mean: float
+    """The mean score, on the questionnaire's own scale."""
 
 
 class SummaryReply(BaseModel):
     """What there is of data. Pilot and demo participants are not counted."""
 
     trials: dict[str, int]
+    """How many there are of each outcome."""
     alerts: dict[str, int]
+    """How many readings there are of each status."""
     scores: list[ScoreLine]
+    """Mean scores, by questionnaire and condition."""
 
 
 def _line(row: TrialRow) -> VerdictLine:
@@ -189,20 +217,30 @@ class FigureLine(BaseModel):
     """A figure of the report, at `/dashboard/report/figures/NAME.svg` and `.png`."""
 
     name: str
+    """The file's name without its ending."""
     title: str
+    """What it shows."""
 
 
 class ReportReply(BaseModel):
     """The report of the data so far: `state` none, making, made or cannot, and how far it is or why it cannot be."""
 
     state: str
+    """Whether there is one: none, making, made or cannot."""
     text: str
+    """The step under way, or why there is no report."""
     step: int
+    """Number of the step under way."""
     of: int
+    """How many steps there are."""
     made_utc: str | None
+    """When it was made, in UTC; null for none."""
     participants: int
+    """How many people it is about."""
     trials: int
+    """How many trials it is about."""
     figures: list[FigureLine]
+    """Its figures."""
 
 
 def _report(lab: TheLab) -> ReportReply:

@@ -44,79 +44,109 @@ class CellReply(BaseModel):
     """Who holds a cell, and how far it is filled."""
 
     participant: str
+    """Id, such as P001."""
     cell: Literal["waiting", "under_way", "done"]
+    """How far it is filled."""
 
 
 class GridReply(BaseModel):
     """One order of the conditions. The next participant gets the order marked `next`."""
 
     order: list[str]
+    """The conditions' ids, first to last."""
     next: bool
+    """Whether the next participant gets it."""
     cells: list[CellReply]
+    """Its cells that are taken."""
 
 
 class RosterLine(BaseModel):
     """One participant. `why_not` says for every act why it is not possible, "" where it is."""
 
     participant: str
+    """Id, such as P001."""
     label: str | None
+    """The experimenter's name for them, never exported; null for none."""
     ids: dict[str, str]
     """The ids of the open link they came over; never exported."""
     kind: str
+    """study, pilot or demo; `erased` for a mark."""
     state: str
+    """The state of the session; `erased` for a mark."""
     order: list[str]
+    """The conditions' ids, first to last."""
     rejected: bool
+    """Whether their cell was given out again."""
     erased_utc: str | None
+    """When they were erased, in UTC; null for who is still there."""
     created_utc: str | None
+    """When they were enrolled, in UTC; null for a mark."""
     why_not: dict[str, str]
+    """Act to the reason why it is not possible; "" when it is."""
 
 
 class RecruitmentReply(BaseModel):
     """The open link of this study, and how many of its places are taken."""
 
     open: bool
+    """Whether the study file opens the link."""
     quota: int
+    """At most so many hold a cell."""
     held: int
+    """How many hold a cell now."""
     link: str
+    """The link to give to a recruitment service."""
 
 
 class RosterReply(BaseModel):
     """One page of the roster, newest first, beside the whole grid."""
 
     title: str
+    """The study's title."""
     withdrawal: Literal["keep", "erase"]
     """What the consent text says becomes of the data of somebody who withdraws."""
     recruitment: RecruitmentReply
+    """The open link."""
     grid: list[GridReply]
+    """Every order and who holds its cells."""
     counts: dict[str, int]
+    """How many there are, by state and by kind."""
     total: int
+    """Lines that `show` and `search` let through, on all pages."""
     offset: int
+    """How many of them stand on earlier pages."""
     lines: list[RosterLine]
+    """The lines of this page."""
 
 
 class RejectRequest(RequestBody):
     """Why the data cannot be used."""
 
     reason: Reason
+    """In words; kept apart from the record and never exported."""
 
 
 class WithdrawRequest(RequestBody):
     """Somebody's wish to stop. `keep` says whether what was recorded stays; if left out, the study file decides."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
+    """In words, if there are any; kept apart from the record and never exported."""
     keep: bool | None = None
+    """Whether their data stay; left out, as the consent they gave says."""
 
 
 class EraseRequest(RequestBody):
     """The id once more, so that nobody is erased by a slip."""
 
     confirm: str
+    """Must equal the id in the path."""
 
 
 class EraseReply(BaseModel):
     """What became of it."""
 
     participant: str
+    """Id, such as P001."""
     overwritten: bool
     """Whether the space is overwritten already. If not, another process was reading; the next erasure does it."""
 
@@ -125,13 +155,16 @@ class LinkReply(BaseModel):
     """A link that carries a token; it cannot be shown again."""
 
     participant: str
+    """Id, such as P001."""
     link: str
+    """The link; whoever has it is the participant."""
 
 
 class QrRequest(RequestBody):
     """A link of this lab. It travels in the body: addresses end up in logs."""
 
     link: Annotated[str, Field(min_length=1, max_length=500)]
+    """Begins with the lab's address."""
 
 
 def enrolment(

@@ -35,52 +35,82 @@ class InviteRequest(RequestBody):
     kind: Literal["study", "pilot", "demo"] = "study"
     """Pilot and demo participants hold no cell of the counterbalancing, and no export has them unless asked for."""
     pace: Pace | None = None
+    """Ticks by the clock, or one for each input; left out, as the lab was started."""
     label: Annotated[str, Field(max_length=200)] | None = None
     """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
     count: Annotated[int, Field(ge=1, le=MAX_INVITATIONS)] = 1
+    """How many to enrol; their labels are numbered."""
 
 
 class InvitationReply(BaseModel):
     """A new participant's links. They cannot be shown again: only hashes of their tokens are stored."""
 
     participant: str
+    """Id, such as P001."""
     link: str
+    """For the participant."""
     panel_link: str
+    """For their second device."""
     demo: bool
+    """Whether this is a demo."""
     kind: str
+    """study, pilot or demo."""
 
 
 class InviteReply(InvitationReply):
     """The first new participant, and all of them."""
 
     created: list[InvitationReply]
+    """All of them, in order."""
 
 
 class SessionReply(BaseModel):
     """One session at a glance."""
 
     participant: str
+    """Id, such as P001."""
     label: str | None
+    """The experimenter's name for them, never exported; null for none."""
     demo: bool
+    """Whether this is a demo."""
     kind: str
+    """study, pilot or demo."""
     state: str
+    """Where the session is."""
     place: str
+    """The state, or while paused the one that will be resumed."""
     causes: list[str]
+    """Why it is paused; empty otherwise."""
     trial: int
+    """Number of the trial, from 1; 1 before the first."""
     trials: int
+    """How many trials the session has."""
     condition: str
+    """Id of the trial's condition."""
     order: list[str]
+    """The conditions' ids, first to last."""
     pace: str
+    """real_time or lockstep."""
     connected: bool
+    """Whether the participant's page is there."""
     panel_connected: bool
+    """Whether the second device is there."""
     held: bool
+    """Whether the robot waits for the page's heartbeat."""
     help_wanted: bool
+    """Whether the participant has called and nobody has answered."""
     done_tasks: int | None
+    """Tasks that have ended; null without a trial under way."""
     tasks: int | None
+    """Tasks there are in all; null without a trial under way."""
     round_trip_ms: float | None
+    """Time to the page and back, in milliseconds; null if not measured."""
     overruns: int
+    """Ticks of this trial that started more than 50 ms late."""
     device: str | None
+    """What the hands are read from; null before the page said so."""
     created_utc: str
+    """When they were enrolled, in UTC."""
     allowed: list[str]
     """Events of the protocol that are possible now."""
     why_not: dict[str, str]
@@ -91,6 +121,7 @@ class CommandRequest(RequestBody):
     """Why. The words are kept apart from the record and never exported; an abort must have some."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
+    """In words."""
 
 
 public = APIRouter(prefix="/api", tags=["open"])
