@@ -15,7 +15,7 @@ from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
 from app.trial.setup import StudySetup
-from app.web.access import RequestBody, TheLab
+from app.web.access import RequestBody, TheLab, refusals
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
@@ -130,7 +130,7 @@ def _parameters(request: EvaluateRequest, setup: StudySetup) -> ArbiterParameter
 public = APIRouter(prefix="/api", tags=["open"])
 
 
-@public.post("/arbiter/evaluate")
+@public.post("/arbiter/evaluate", responses=refusals(422))
 async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
     """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
     try:

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.lab.lab import Lab, NoSuchParticipant
@@ -31,7 +31,7 @@ from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
-from app.web.access import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
 from app.web.sessions_api import SessionReply, session_reply
 from study.flow.protocol import Session
@@ -333,7 +333,7 @@ def add_live(app: FastAPI, lab: Lab) -> None:
 
 # ---- routes -------------------------------------------------------------------------------------------------------
 
-private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+private = experimenters_router("experimenter")
 
 
 class PlaneReply(BaseModel):
@@ -363,8 +363,13 @@ class PlaneReply(BaseModel):
     """The table top, in metres: least x, most x, least y, most y."""
 
 
-@private.get("/sessions/{participant}/heatmap")
-async def heatmap(participant: str, lab: TheLab, who: Experimenter, kind: PlaneKind = "information") -> PlaneReply:
+@private.get("/sessions/{participant}/heatmap", responses=refusals(404, 409))
+async def heatmap(
+    participant: ParticipantId,
+    lab: TheLab,
+    who: Experimenter,
+    kind: Annotated[PlaneKind, Query(description="Which of the two heatmaps.")] = "information",
+) -> PlaneReply:
     """What each place of the table is worth, for the last tick's belief: expected information or approach to goals."""
     live = lab.live_session(participant)
     if live is None:
@@ -394,11 +399,11 @@ async def _remark(lab: Lab, participant: str, remark: Remark, who: str) -> dict[
 
 
 def _remark_route(path: str, name: RemarkName, text: str) -> None:
-    async def route(participant: str, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    async def route(participant: ParticipantId, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
         return await _remark(lab, participant, Remark(name, body.text), who)
 
     route.__doc__ = text
-    private.post(f"/sessions/{{participant}}/{path}", name=path)(route)
+    private.post(f"/sessions/{{participant}}/{path}", name=path, responses=refusals(404, 409))(route)
 
 
 _remark_route("note", "note", "Write something into the session's record.")
@@ -406,7 +411,7 @@ _remark_route("mark", "task_marked", "Mark the task that is under way, with word
 _remark_route("message", "message", "Show the participant a line, which stays until they put it away.")
 
 
-@private.post("/sessions/{participant}/help_seen")
-async def help_seen(participant: str, body: _Empty, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@private.post("/sessions/{participant}/help_seen", responses=refusals(404, 409))
+async def help_seen(participant: ParticipantId, body: _Empty, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """The participant's call for help has been answered."""
     return await _remark(lab, participant, Remark("help_seen", ""), who)

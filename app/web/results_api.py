@@ -10,17 +10,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import FastAPI, HTTPException, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.session.commands import NotNow
-from app.web.access import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from study.definition.study import Study
 from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Batch, Store
 
-router = APIRouter(prefix="/api", tags=["results"], route_class=ExperimenterRoute)
+router = experimenters_router("results")
+
+TrialNumber = Annotated[int, Path(description="Number of the trial, from 1.")]
 
 
 class VerdictLine(BaseModel):
@@ -129,9 +131,9 @@ def _line(row: TrialRow) -> VerdictLine:
 async def read_quality(
     lab: TheLab,
     who: Experimenter,
-    show: Literal["all", "good", "suspect"] = "all",
-    offset: Annotated[int, Field(ge=0)] = 0,
-    limit: Annotated[int, Field(ge=1, le=500)] = 50,
+    show: Annotated[Literal["all", "good", "suspect"], Query(description="Only trials of this verdict.")] = "all",
+    offset: Annotated[int, Query(ge=0, description="How many trials to pass over.")] = 0,
+    limit: Annotated[int, Query(ge=1, le=500, description="How many trials to send at most.")] = 50,
 ) -> QualityReply:
     """The verdict over every trial that has ended, pilots and demos included."""
     # Beside the writing thread, here and in `summary`: ticks do not wait for it.
@@ -147,8 +149,10 @@ async def read_quality(
     )
 
 
-@router.post("/quality/{participant}/{trial}")
-async def override(participant: str, trial: int, body: OverrideRequest, lab: TheLab, who: Experimenter) -> VerdictLine:
+@router.post("/quality/{participant}/{trial}", responses=refusals(404))
+async def override(
+    participant: ParticipantId, trial: TrialNumber, body: OverrideRequest, lab: TheLab, who: Experimenter
+) -> VerdictLine:
     """Let another verdict count, with the reason, which is exported with the trial. The automatic one stays beside it,
     and an event says who and when."""
     utc, reason = utc_text(time.time()), body.reason.strip()
@@ -255,7 +259,7 @@ async def read_report(lab: TheLab, who: Experimenter) -> ReportReply:
     return _report(lab)
 
 
-@router.post("/report", status_code=202)
+@router.post("/report", status_code=202, responses=refusals(409))
 async def make_report(lab: TheLab, who: Experimenter) -> ReportReply:
     """Make the report of the data so far, without pilots and demos, in a process of its own."""
     try:

@@ -6,13 +6,13 @@ import io
 from typing import Annotated, Literal
 
 import segno
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
-from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
+from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from study.flow import roster
 from study.flow.open_link import open_link
 from study.flow.roster import ACTS, Act, Enrolled
@@ -21,7 +21,7 @@ from study.store import Store, StoredSession
 PAGE = 50
 """Lines of the roster sent at once, unless asked otherwise."""
 
-router = APIRouter(prefix="/api", tags=["roster"], route_class=ExperimenterRoute)
+router = experimenters_router("roster")
 
 Show = Literal[
     "all",
@@ -198,10 +198,12 @@ async def _may(lab: Lab, act: Act, participant: str) -> None:
 async def read_roster(
     lab: TheLab,
     who: Experimenter,
-    offset: Annotated[int, Field(ge=0)] = 0,
-    limit: Annotated[int, Field(ge=1, le=500)] = PAGE,
-    show: Show = "all",
-    search: Annotated[str, Field(max_length=200)] = "",
+    offset: Annotated[int, Query(ge=0, description="How many lines to pass over.")] = 0,
+    limit: Annotated[int, Query(ge=1, le=500, description="How many lines to send at most.")] = PAGE,
+    show: Annotated[Show, Query(description="Only participants of this kind or in this state.")] = "all",
+    search: Annotated[
+        str, Query(max_length=200, description="Only participants whose id, label or link's ids have this in them.")
+    ] = "",
 ) -> RosterReply:
     """One page of everybody ever enrolled, erased ones as a mark, and how the counterbalancing is filled."""
     stored, labels, ids, erasures = await lab.store.run(enrolment)
@@ -256,7 +258,7 @@ async def read_roster(
     )
 
 
-def _mark(participant: str, utc: str) -> RosterLine:
+def _mark(participant: ParticipantId, utc: str) -> RosterLine:
     gone = "Erased: nothing is left but this mark."
     return RosterLine(
         participant=participant,
@@ -272,8 +274,8 @@ def _mark(participant: str, utc: str) -> RosterLine:
     )
 
 
-@router.post("/participants/{participant}/reject")
-async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@router.post("/participants/{participant}/reject", responses=refusals(404, 409))
+async def reject(participant: ParticipantId, body: RejectRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """Give the cell of a completed session out again because its data cannot be used. The data stay, marked."""
     await _may(lab, "reject", participant)
     if not await lab.reject(participant, body.reason.strip(), who):
@@ -281,8 +283,8 @@ async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experi
     return {"participant": participant, "state": "rejected"}
 
 
-@router.post("/participants/{participant}/withdraw")
-async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@router.post("/participants/{participant}/withdraw", responses=refusals(404, 409))
+async def withdraw(participant: ParticipantId, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """End the session at the participant's wish; their data stay or are erased, as asked or as the consent says."""
     await _may(lab, "withdraw", participant)
     keep = body.keep
@@ -301,8 +303,8 @@ async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Ex
     return {"participant": participant, "state": "withdrawn" if keep else "erased"}
 
 
-@router.post("/participants/{participant}/erase")
-async def erase(participant: str, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
+@router.post("/participants/{participant}/erase", responses=refusals(404, 409))
+async def erase(participant: ParticipantId, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
     """Delete everything about a participant for good; a session that is live ends first. A mark without content stays.
 
     Exports made before and backups are not reached from here.
@@ -316,8 +318,8 @@ async def erase(participant: str, body: EraseRequest, lab: TheLab, who: Experime
         raise HTTPException(404, str(error)) from None
 
 
-@router.post("/participants/{participant}/link", status_code=201)
-async def new_link(participant: str, lab: TheLab, who: Experimenter) -> LinkReply:
+@router.post("/participants/{participant}/link", status_code=201, responses=refusals(404, 409))
+async def new_link(participant: ParticipantId, lab: TheLab, who: Experimenter) -> LinkReply:
     """Another link to the same participant's page, for one that was lost. Earlier links go on working."""
     await _may(lab, "new_link", participant)
     return LinkReply(participant=participant, link=await lab.new_link(participant))

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import APIRouter, FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from starlette.background import BackgroundTask
@@ -17,7 +17,7 @@ from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
-from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
+from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from app.wire import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.protocol import allowed
@@ -25,6 +25,8 @@ from study.flow.roster import EnrolmentKind
 from study.store import StoredSession
 
 MAX_INVITATIONS = 200
+
+IncludePilot = Annotated[bool, Query(description="Whether pilots are in it too.")]
 
 
 class InviteRequest(RequestBody):
@@ -125,7 +127,7 @@ class CommandRequest(RequestBody):
 
 
 public = APIRouter(prefix="/api", tags=["open"])
-private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+private = experimenters_router("experimenter")
 
 
 @public.get("/health")
@@ -208,7 +210,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
 
 
 def _command_route(name: CommandName, text: str, needs_words: bool = False) -> None:
-    async def route(participant: str, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    async def route(participant: ParticipantId, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
         words = (body.reason or "").strip() or None
         if needs_words and words is None:
             raise HTTPException(422, "reason: must not be empty; it is kept in the lab, never exported")
@@ -221,7 +223,7 @@ def _command_route(name: CommandName, text: str, needs_words: bool = False) -> N
         return {"participant": participant, "state": session.session.state}
 
     route.__doc__ = text
-    private.post(f"/sessions/{{participant}}/{name}", name=name)(route)
+    private.post(f"/sessions/{{participant}}/{name}", name=name, responses=refusals(404, 409))(route)
 
 
 _command_route("start", "Begin the practice or the trial that waits for its Start button.")
@@ -233,7 +235,7 @@ _command_route("abort", "End the session for good; its data stay.", True)
 
 
 @private.get("/export")
-async def export(lab: TheLab, who: Experimenter, include_pilot: bool = False) -> FileResponse:
+async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False) -> FileResponse:
     """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
     path = Path(folder.name) / "export.zip"
