@@ -307,7 +307,8 @@ async def withdraw(participant: ParticipantId, body: WithdrawRequest, lab: TheLa
 async def erase(participant: ParticipantId, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
     """Delete everything about a participant for good; a session that is live ends first. A mark without content stays.
 
-    Exports made before and backups are not reached from here.
+    Copies that the lab made of the database before a migration are deleted too. Exports made before and copies made
+    elsewhere are not reached from here.
     """
     await _may(lab, "erase", participant)
     if body.confirm != participant:
