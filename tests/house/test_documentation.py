@@ -7,6 +7,7 @@ these are held to the code here too. `test_site` builds the site.
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import shlex
 import subprocess
@@ -21,10 +22,11 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
-from app.wire import ClientMessage, ServerMessage, Submit
+from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
 from docs import reference, words
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
+from study.flow.protocol import TERMINAL, State
 from study.flow.steps import STEP_DATA
 from study.records import TABLES, codebook
 
@@ -208,6 +210,36 @@ def test_every_step_of_a_submit_is_in_the_reference_with_what_it_holds() -> None
     for step, model in STEP_DATA.items():
         (part,) = (part for part in page.split("\n### ") if f"`{step}`" in part.splitlines()[0])
         assert [row[0].strip("`") for row in rows_of(part)[1:]] == list(model.model_fields)
+
+
+def test_the_dialogue_of_a_client_is_what_can_be_said() -> None:
+    """What is sent is whole; what is received is shortened, but of a known type with known fields."""
+    (dialogue,) = (text for text in blocks("text", PAGES["docs/how-to/drive-headless.md"]) if '"hello"' in text)
+    known = {model.model_fields["type"].default: model for model in reference.messages(ServerMessage)}
+    said = 0
+    for line in dialogue.splitlines():
+        if line.startswith("> "):
+            message = CLIENT_MESSAGE.validate_json(line[2:])
+            if isinstance(message, Submit):
+                STEP_DATA[message.step].model_validate(message.data)
+            said += 1
+        elif line.startswith("< "):
+            fields = json.loads(line[2:].replace(", ...}", "}").replace("{...}", "{}"))
+            assert set(fields) <= set(known[fields["type"]].model_fields), line
+        else:
+            assert line == "..."
+    assert said == 4
+    assert f"at most {MAX_MESSAGE_BYTES} bytes" in PAGES["docs/how-to/drive-headless.md"]
+
+
+def test_every_state_of_a_session_is_in_the_table_of_steps_or_ends_it() -> None:
+    page = PAGES["docs/how-to/drive-headless.md"].split("| page's state | step that leads on |")[1].split("\n\n")[0]
+    states = {span for row in rows_of(page) for span in spans_of(row[0])}
+    assert states | TERMINAL == set(get_args(State))
+    assert {span for row in rows_of(page) for span in spans_of(row[1])} - {"status", "ready", "input"} <= {
+        *STEP_DATA,
+        "content.can_resume",
+    }
 
 
 # ---- the study file and the export
