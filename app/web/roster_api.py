@@ -326,7 +326,11 @@ async def new_link(participant: ParticipantId, lab: TheLab, who: Experimenter) -
     return LinkReply(participant=participant, link=await lab.new_link(participant))
 
 
-@router.post("/qr")
+@router.post(
+    "/qr",
+    response_class=Response,
+    responses={200: {"description": "A picture, image/svg+xml", "content": {"image/svg+xml": {}}}},
+)
 async def qr_code(body: QrRequest, lab: TheLab, who: Experimenter) -> Response:
     """A link of this lab as a QR code (SVG)."""
     if not body.link.startswith(f"{lab.base_url}/"):

@@ -234,7 +234,11 @@ _command_route("abort_trial", "End the trial that is under way; it stays, marked
 _command_route("abort", "End the session for good; its data stay.", True)
 
 
-@private.get("/export")
+@private.get(
+    "/export",
+    response_class=FileResponse,
+    responses={200: {"description": "A file, application/zip", "content": {"application/zip": {}}}},
+)
 async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False) -> FileResponse:
     """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
