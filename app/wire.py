@@ -37,6 +37,7 @@ class Hello(Message):
 
     type: Literal["hello"] = "hello"
     protocol: int
+    """The version the client speaks; any but the lab's is refused."""
     client: Identifier
     """Made by the tab, kept over a reload."""
     telemetry: bool = False
@@ -51,8 +52,11 @@ class Input(Message):
 
     type: Literal["input"] = "input"
     seq: Sequence
+    """Counts the inputs of a session upwards; the first of a socket follows `welcome.last_seq`."""
     client_ms: Annotated[float, Field(strict=True)]
+    """When it happened by the client's own clock, in milliseconds; recorded, never compared with the lab's."""
     direction: WireDirection | None
+    """x, y, z in the world frame; null is hands off."""
     gripper: Gripper | None = None
     """A press of a gripper button since the last message; the next tick acts on it once."""
 
@@ -71,9 +75,13 @@ class Heartbeat(Message):
     seq: Sequence
     """Sequence number of the last `input` sent."""
     direction: WireDirection | None
+    """The direction held now: x, y, z in the world frame, null for hands off."""
     visible: bool = True
+    """Whether the page is shown, not in a hidden tab."""
     focused: bool = True
+    """Whether the page has the keyboard's focus."""
     device: Literal["gamepad", "keyboard", "none"] = "none"
+    """What the hands are read from."""
 
 
 class Submit(Message):
@@ -81,6 +89,7 @@ class Submit(Message):
 
     type: Literal["submit"] = "submit"
     id: Identifier
+    """Chosen by the client, new for each submission, the same when it is resent."""
     step: Literal[
         "eligibility",
         "leave",
@@ -100,7 +109,9 @@ class Submit(Message):
         "alert_heard",
         "alert_answer",
     ]
+    """Which step it is."""
     data: dict[str, Any] = Field(default_factory=dict)
+    """What the step asks for; unknown keys are refused."""
 
 
 class Note(Message):
@@ -108,8 +119,11 @@ class Note(Message):
 
     type: Literal["note"] = "note"
     id: Identifier
+    """Chosen by the client, new for each note, the same when it is resent."""
     name: Identifier
+    """What was noticed."""
     data: dict[str, str | int | float | bool | None] = Field(default_factory=dict)
+    """Details, by name."""
 
 
 class View(Message):
@@ -117,6 +131,7 @@ class View(Message):
 
     type: Literal["view"] = "view"
     name: Identifier
+    """The view's name."""
 
 
 class Pong(Message):
@@ -124,6 +139,7 @@ class Pong(Message):
 
     type: Literal["pong"] = "pong"
     n: Sequence
+    """The number of the ping it answers."""
 
 
 ClientMessage = Annotated[Hello | Input | Heartbeat | Submit | Note | View | Pong, Field(discriminator="type")]
@@ -134,17 +150,27 @@ class Welcome(Message):
 
     type: Literal["welcome"] = "welcome"
     protocol: int = PROTOCOL_VERSION
+    """The version the lab speaks."""
     role: Literal["participant", "panel"]
+    """Whether this socket is the participant's page or the second device."""
     session: str
+    """The id in the page's address, which is not the participant's."""
     study_title: str
+    """The study's title, for the header."""
     pace: Literal["real_time", "lockstep"]
+    """Whether ticks run by the clock or one for each input."""
     tick_s: float
+    """Length of a tick in seconds."""
     heartbeat_ms: int
+    """How often the page should send a heartbeat, in milliseconds."""
     placement: Literal["second_device", "same_page_away", "none"]
+    """Where readings are shown: on a second device, over the scene, or nowhere."""
     show_assistance: bool
+    """Whether the page shows when the robot assists."""
     last_seq: int
     """Highest input sequence number the lab has seen; the page goes on from there."""
     demo: bool = False
+    """Whether this is a demo, which no study counts."""
 
 
 class Page(Message):
@@ -152,9 +178,13 @@ class Page(Message):
 
     type: Literal["page"] = "page"
     state: str
+    """The state of the session, which chooses the view."""
     trial: int | None
+    """The trial it belongs to, from 1; null for a page of no trial."""
     trials: int
+    """How many trials the session has."""
     content: dict[str, Any]
+    """What the view needs, by name."""
 
 
 class Instruction(Message):
@@ -162,11 +192,17 @@ class Instruction(Message):
 
     type: Literal["instruction"] = "instruction"
     text: str
+    """The task as a sentence."""
     kind: Literal["pickup", "dropoff", "practice", "reset"]
+    """What is to be done, or that the robot resets or this is practice."""
     object: str | None
+    """Id of the object; null where there is none."""
     object_label: str | None
+    """The object in words."""
     bin: str | None
+    """Id of the bin; null where there is none."""
     bin_label: str | None
+    """The bin in words."""
 
 
 class Tick(Message):
@@ -174,15 +210,25 @@ class Tick(Message):
 
     type: Literal["tick"] = "tick"
     tick: int
+    """Number of the tick in this practice or trial."""
     seq: int
+    """The last `input` that a committed tick took into account."""
     status: Literal["running", "resetting", "gripper", "finished"]
+    """What the robot does: obey, drive back to its start, move its fingers, or nothing any more."""
     instruction: Instruction
+    """The current task."""
     done_tasks: int
+    """Tasks that have ended."""
     tasks: int
+    """Tasks there are in all."""
     gripper: Literal["open", "closed", "moving"]
+    """What the fingers do."""
     holding: bool
+    """Whether an object is in the gripper."""
     blocked: bool
+    """Whether the arm could not go where it was sent."""
     assisting: bool | None = None
+    """Whether the robot acted beyond the input; null unless the study shows it."""
     notice: str | None = None
     """One line about the task that just ended, for the participant."""
 
@@ -192,8 +238,11 @@ class World(Message):
 
     type: Literal["world"] = "world"
     position_m: tuple[float, float, float]
+    """The gripper."""
     held: str | None
+    """Id of the object in the gripper; null for none."""
     gripper: Literal["open", "closed", "moving"]
+    """What the fingers do."""
     objects_m: dict[str, tuple[float, float, float]]
     """Where the fingers would close around each object."""
     bins_m: dict[str, tuple[float, float, float]]
@@ -205,7 +254,9 @@ class Status(Message):
 
     type: Literal["status"] = "status"
     status: Literal["starting", "ready", "running", "paused", "held", "recovering"]
+    """What the robot does now."""
     reason: str | None = None
+    """Why, in words for the participant; null for none."""
 
 
 class Alert(Message):
@@ -213,10 +264,15 @@ class Alert(Message):
 
     type: Literal["alert"] = "alert"
     alert: int
+    """Number of the reading, to be named in answers."""
     reading: str
+    """The number to be typed in, as shown."""
     elapsed_s: float
+    """Trial time since it was raised, in seconds."""
     answer_within_s: float
+    """Trial time after which it expires, in seconds."""
     away_min_s: float
+    """How long the view stays covered at least, in seconds (same_page_away)."""
 
 
 class AlertClosed(Message):
@@ -224,8 +280,11 @@ class AlertClosed(Message):
 
     type: Literal["alert_closed"] = "alert_closed"
     alert: int
+    """Number of the reading."""
     status: Literal["answered", "expired", "trial_ended"]
+    """What became of it."""
     release_in_s: float
+    """Seconds until the view is free again."""
 
 
 class Ack(Message):
@@ -233,6 +292,7 @@ class Ack(Message):
 
     type: Literal["ack"] = "ack"
     id: str
+    """The `id` of the submit or note."""
 
 
 class Error(Message):
@@ -240,9 +300,13 @@ class Error(Message):
 
     type: Literal["error"] = "error"
     code: Literal["malformed", "invalid", "out_of_order", "illegal", "too_large", "protocol", "internal"]
+    """What kind of mistake it is."""
     field: str | None
+    """The place of the mistake, such as `data.hash`; null for the message as a whole."""
     message: str
+    """What is wrong, in words."""
     id: str | None = None
+    """The `id` of the refused submit or note; null for other messages."""
 
 
 class Superseded(Message):
@@ -256,6 +320,7 @@ class Notice(Message):
 
     type: Literal["notice"] = "notice"
     text: str
+    """The line."""
 
 
 class Ping(Message):
@@ -263,6 +328,7 @@ class Ping(Message):
 
     type: Literal["ping"] = "ping"
     n: int
+    """A number to be sent back in `pong`."""
     left: int | None = None
     """How many more follow in a measurement; null for a single probe."""
 

@@ -21,6 +21,7 @@ from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.trial.world import known_layouts
+from app.web.access import ErrorReply
 from app.web.server import create_app
 from docs.words import (
     Schema,
@@ -39,6 +40,7 @@ from sim.objects import STUDY_OBJECTS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.field_types import Part
 from study.definition.study import DEFAULT_STUDY, Study
+from study.flow.steps import STEP_DATA
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
 
 # ---- the study file ---------------------------------------------------------------------------------------------
@@ -256,34 +258,60 @@ def http_api() -> str:
     """Every route: what it does, what it takes, what it answers; then everything that is sent."""
     described = openapi()
     defs: Mapping[str, Schema] = described["components"]["schemas"]
+    models = {model.__name__: model for model in sent_models()}
     parts = []
     for path, methods in described["paths"].items():
         for method, route in methods.items():
             rows = [
-                (f"`{item['name']}`", f"in the {item['in']}", kind(item["schema"], defs), _default_of(item["schema"]))
+                (
+                    f"`{item['name']}`",
+                    f"in the {item['in']}",
+                    kind(item["schema"], defs),
+                    _default_of(item["schema"]),
+                    item.get("description", ""),
+                )
                 for item in route.get("parameters", ())
             ]
             body = _content(route.get("requestBody", {}))
             takes = f"Takes {link(body, defs)}." if body else ""
-            answers = [
-                f"{status}: {link(_content(reply), defs) or reply['description'].lower()}"
-                for status, reply in route["responses"].items()
-            ]
             parts += [
                 f"## `{method.upper()} {path}`",
                 route.get("description", ""),
-                table(("parameter", "where", "value", "default"), rows),
-                " ".join(part for part in (takes, f"Answers {'; '.join(answers)}.") if part),
+                table(("parameter", "where", "value", "default", "meaning"), rows),
+                joined(takes, *_answers(route["responses"], defs)),
             ]
     parts.append("## What is sent")
     for name, schema in defs.items():
-        rows_of = [
-            (f"`{key}`", kind(value, defs), default(key, schema), value.get("description", ""))
-            for key, value in schema.get("properties", {}).items()
-        ]
+        rows_of = field_rows(models[name], schema, defs)
         about = schema.get("description", "")
         parts += [f"### {name.lstrip('_')}", about, table(("field", "value", "default", "meaning"), rows_of)]
     return joined(*parts)
+
+
+def sent_models(base: type[BaseModel] = BaseModel) -> Iterator[type[BaseModel]]:
+    """Every model of what the web front takes and sends."""
+    for model in base.__subclasses__():
+        if model.__module__.startswith("app.web."):
+            yield model
+        yield from sent_models(model)
+
+
+def _answers(replies: Schema, defs: Mapping[str, Schema]) -> Iterator[str]:
+    """What a route sends back, and how it refuses."""
+    sent: list[str] = []
+    refused: list[str] = []
+    for status, reply in sorted(replies.items()):
+        what = link(_content(reply), defs)
+        if what == _REFUSAL:
+            refused.append(f"{status}, {reply['description']}")
+        else:
+            sent.append(f"{status}: {what or reply['description'].lower()}")
+    yield f"Answers {'; '.join(sent)}."
+    if refused:
+        yield f"Refuses with {_REFUSAL}: {'; '.join(refused)}."
+
+
+_REFUSAL = link({"$ref": ErrorReply.__name__}, {})
 
 
 def _content(holder: Schema) -> Schema:
@@ -305,7 +333,7 @@ def messages(union: Any) -> tuple[type[BaseModel], ...]:
 
 
 def wire_protocol() -> str:
-    """Every message on a participant's socket."""
+    """Every message on a participant's socket, and what each step hands in."""
     parts = []
     for title, union in (
         ("What a page sends", wire.ClientMessage),
@@ -322,13 +350,28 @@ def wire_protocol() -> str:
                 inspect.getdoc(model) or "",
                 table(("field", "value", "default", "meaning"), rows),
             ]
+    return joined(*parts, steps())
+
+
+def steps() -> str:
+    """What `submit.data` holds for each step."""
+    parts = ["## What a submit holds", "`data` of a `submit`, by its `step`. A key that is not listed is refused."]
+    names: dict[type[BaseModel], list[str]] = {}
+    for step, model in STEP_DATA.items():
+        names.setdefault(model, []).append(f"`{step}`")
+    for model, of_model in names.items():
+        _, whole = models_json_schema([(model, "validation")], ref_template="{model}")
+        defs: Mapping[str, Schema] = whole["$defs"]
+        rows = field_rows(model, defs[model.__name__], defs)
+        about = inspect.getdoc(model) or ""
+        parts += [f"### {', '.join(of_model)}", about, table(("key", "value", "default", "meaning"), rows)]
     return joined(*parts)
 
 
 # ---- the packages -----------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "tests")
+ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "static/*", "tests")
 """Where a README stands that says what a folder is, in the order told."""
 
 

@@ -177,4 +177,4 @@ def field_rows(
     texts = attribute_texts(model)
     for name, field in schema.get("properties", {}).items():
         if name not in skip:
-            yield f"`{name}`", kind(field, defs), default(name, schema), texts.get(name, "")
+            yield f"`{name}`", kind(field, defs), default(name, schema), texts.get(name) or field.get("description", "")

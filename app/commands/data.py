@@ -49,7 +49,8 @@ def erase(
 ) -> None:
     """Delete everything about one participant, for good.
 
-    Only a mark is left that there was one. Exports made before, and backups, are not reached.
+    Only a mark is left that there was one. Copies that the lab made of the database before a migration are deleted too.
+    Exports made before, and copies made elsewhere, are not reached.
     """
     from app.report import process as reporter
     from study.records import utc_text

@@ -1,14 +1,14 @@
-"""Who may ask: the experimenter's token, and the initials that tell experimenters apart."""
+"""Who may ask: the experimenter's token, the initials that tell experimenters apart, and how a request is refused."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Annotated, Any
 from urllib.parse import unquote
 
-from fastapi import Depends, HTTPException, Request
+from fastapi import APIRouter, Depends, HTTPException, Path, Request
 from fastapi.responses import Response
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict
@@ -27,6 +27,38 @@ class RequestBody(BaseModel):
     """What is sent with a request: a field that is not known is an error."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class Problem(BaseModel):
+    """One mistake in what was sent."""
+
+    field: str
+    """Its place, such as `goals_m.0`; `body` for what cannot be read at all."""
+    message: str
+    """What is wrong with it."""
+
+
+class ErrorReply(BaseModel):
+    """Why a request was refused: the body of every answer from 400 on that has no other."""
+
+    detail: str
+    """All of it as one line."""
+    problems: list[Problem] | None = None
+    """The first twenty mistakes; left out where nothing that was sent is wrong by itself."""
+
+
+WHY_REFUSED: Mapping[int, str] = {
+    403: "the experimenter's token is missing or wrong",
+    404: "there is no such participant or trial",
+    409: "this is not possible now",
+    422: "what was sent is wrong",
+    429: "too many wrong tokens came from this address; `Retry-After` says for how many seconds to wait",
+}
+
+
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The `responses` of a route that may answer with these."""
+    return {status: {"model": ErrorReply, "description": WHY_REFUSED[status]} for status in statuses}
 
 
 def lab_of(request: Request) -> Lab:
@@ -77,7 +109,15 @@ class ExperimenterRoute(APIRoute):
         return checked
 
 
+def experimenters_router(tag: str) -> APIRouter:
+    """A router whose every route asks for the token."""
+    return APIRouter(prefix="/api", tags=[tag], route_class=ExperimenterRoute, responses=refusals(403, 422, 429))
+
+
 Experimenter = Annotated[str, Depends(experimenter)]
 
 
 TheLab = Annotated[Lab, Depends(lab_of)]
+
+
+ParticipantId = Annotated[str, Path(description="The participant's id, such as P001.")]

@@ -15,7 +15,7 @@ from app.autonomy.actions import DIRECTIONS
 from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.errors import AutonomyError
 from app.trial.setup import StudySetup
-from app.web.access import RequestBody, TheLab
+from app.web.access import RequestBody, TheLab, refusals
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
@@ -43,32 +43,54 @@ class EvaluateRequest(RequestBody):
     """
 
     position_m: Vector
+    """The gripper, in metres in the world frame."""
     momentum: Vector
+    """Direction of the movement under way: x, y, z in the world frame, all 0 at rest."""
     goals_m: Annotated[list[Vector], Field(min_length=1, max_length=MAX_GOALS)]
+    """The goals, in metres in the world frame."""
     belief: Annotated[list[Number], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+    """Probability of each goal before this action, in the order of `goals_m`; left out, all are as likely."""
     user_action: tuple[Axis, Axis, Axis] | None = None
+    """The person's input: x, y, z in the world frame, each -1, 0 or 1; left out, no input."""
     condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
+    """Whose weights count where none are given."""
     alpha: Weight | None = None
+    """Weight of the expected information; left out, the study's, calibrated where it says so."""
     beta: Weight | None = None
+    """Weight of the hindsight reward."""
     gamma: Weight | None = None
+    """Weight of agreement with the person's input."""
     step_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False, strict=True)] | None = None
+    """How far the gripper goes in a tick, in metres."""
     planning_delay: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)] | None = None
+    """Share of a tick that a new plan costs, 0 to 1."""
     transition: Literal["mix", "replan"] | None = None
+    """What the arm does meanwhile: `mix` follows its earlier direction, `replan` stops."""
     rationality_per_m: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False, strict=True)] | None = None
+    """How surely a person takes the better action: per metre of way saved."""
 
 
 class EvaluateReply(BaseModel):
     """What the arbiter thinks. Rows and entries follow `actions`; `chosen` is an index into it."""
 
     actions: list[tuple[int, int, int]]
+    """The 27 directions: x, y, z in the world frame."""
     likelihood: list[list[float]]
+    """Probability of each action under each goal."""
     posterior: list[float]
+    """Probability of each goal after `user_action`, in the order of `goals_m`."""
     entropy: float
+    """Of `posterior`, in units of log |goals|: 0 is certain, 1 knows nothing."""
     information_gain: list[float]
+    """Expected information of each action, in units of log |goals|: at most 1."""
     hindsight_reward: list[float]
+    """Expected approach to the goals by each action, in metres."""
     score: list[float]
+    """The weighted sum by which actions are compared."""
     chosen: int
+    """Index into `actions` of the one to take."""
     alpha: float
+    """The weight of the information that was used."""
 
 
 def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateReply:
@@ -108,7 +130,7 @@ def _parameters(request: EvaluateRequest, setup: StudySetup) -> ArbiterParameter
 public = APIRouter(prefix="/api", tags=["open"])
 
 
-@public.post("/arbiter/evaluate")
+@public.post("/arbiter/evaluate", responses=refusals(422))
 async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
     """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
     try:

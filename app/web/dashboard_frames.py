@@ -8,13 +8,13 @@ GET    /dashboard/report/                the report of the data so far, and its 
 
 from __future__ import annotations
 
-from fastapi import APIRouter, FastAPI, Request, Response, WebSocket
+from fastapi import FastAPI, Request, Response, WebSocket
 from fastapi.responses import FileResponse, JSONResponse
 
 from app.lab.lab import Lab
 from app.lab.tokens import dashboard_key, same_token
 from app.report.process import PAGE
-from app.web.access import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, TheLab, experimenters_router
 from app.web.addresses import prefix
 from app.web.participant_socket import Places, same_origin
 from app.web.scene_proxy import proxy_scene, scene_page_response
@@ -24,7 +24,7 @@ PATH = "/dashboard"
 MAX_SPECTATORS = 20
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
-private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+private = experimenters_router("experimenter")
 
 
 @private.post("/desk")

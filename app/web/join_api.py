@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, FastAPI, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.lab.lab import Lab
 from app.lab.open_enrolment import Offer, OpenEnrolment, cookie_name
 from app.lab.tokens import Attempts, new_token
-from app.web.access import TheLab
+from app.web.access import ErrorReply, TheLab, refusals
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
 from app.web.participant_socket import same_origin
 from study.definition.link_placeholders import filled
@@ -32,17 +32,22 @@ class JoinRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     parameters: Annotated[dict[str, Annotated[str, Field(max_length=1000)]], Field(max_length=50)]
+    """By name, as they stand in the link's query."""
 
 
 class JoinReply(BaseModel):
     """What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in."""
 
     state: State
+    """Begin, go on (`back`), or why neither is possible."""
     title: str
+    """The study's title."""
     lines: list[str]
+    """What the page says, a paragraph each; the study file's words."""
     link: str | None = None
     """Where the study file sends who comes too late."""
     page: str | None = None
+    """Path of the participant's page; null for whoever is not let in."""
 
 
 def reply_to(lab: Lab, offer: Offer) -> JoinReply:
@@ -74,9 +79,15 @@ async def look(request: Request, lab: Lab) -> Offer:
 
 
 STATUS: Mapping[str, int] = {"bad_link": 400, "closed": 404, "full": 409, "elsewhere": 409}
+NOT_NOW: dict[int | str, dict[str, Any]] = {status: {"model": JoinReply} for status in sorted(set(STATUS.values()))}
+REFUSALS: dict[int | str, dict[str, Any]] = {
+    403: {"model": ErrorReply, "description": "only the lab's own page may join"},
+    **refusals(422),
+    429: {"model": ErrorReply, "description": "too many people begin from this address; `Retry-After` has the seconds"},
+}
 
 
-@router.get("/join/offer")
+@router.get("/join/offer", responses=NOT_NOW)
 async def offer(request: Request, response: Response, lab: TheLab) -> JoinReply:
     """What the open link with these parameters offers: begin, go on, or why not. Changes nothing."""
     reply = reply_to(lab, await look(request, lab))
@@ -85,7 +96,7 @@ async def offer(request: Request, response: Response, lab: TheLab) -> JoinReply:
     return reply
 
 
-@router.post("/join", responses={status: {"model": JoinReply} for status in sorted(set(STATUS.values()))})
+@router.post("/join", responses={**NOT_NOW, **REFUSALS})
 async def join(body: JoinRequest, request: Request, response: Response, lab: TheLab) -> JoinReply:
     """Enrol the person the parameters name, or let them back in: sets the cookie that opens `page`."""
     if not same_origin(request, lab.config.public_url):

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, FastAPI, HTTPException, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.lab.lab import Lab, NoSuchParticipant
@@ -31,7 +31,7 @@ from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
-from app.web.access import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
 from app.web.sessions_api import SessionReply, session_reply
 from study.flow.protocol import Session
@@ -50,12 +50,19 @@ class LiveReply(SessionReply):
     """One session at a glance, with what can be done about it now."""
 
     trial_s: float | None
+    """Trial time, in seconds; null when no robot is needed."""
     signals_per_s: float
+    """Messages about the hands a second, over the last five seconds."""
     driving_share: float | None
+    """Share of the last twenty ticks in which the person drove or pressed; null before the first."""
     visible: bool | None
+    """Whether the page is shown; null while it is away."""
     focused: bool | None
+    """Whether the page has the focus; null while it is away."""
     sound: bool | None
+    """Whether the participant heard the test sound; null before they were asked."""
     instruction: str | None
+    """The current task as a sentence; null without one."""
     scene: str
     """Why there is no 3-D view of this session now; "" when there is one."""
 
@@ -64,6 +71,7 @@ class _Said(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     text: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
+    """The words; kept apart from the record and never exported."""
 
 
 class _Empty(BaseModel):
@@ -74,14 +82,18 @@ class _Hello(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     type: str = Field(pattern="^hello$")
+    """Always `hello`."""
     token: Annotated[str, Field(max_length=500)]
+    """The experimenter's token."""
 
 
 class _Watch(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     type: str = Field(pattern="^watch$")
+    """Always `watch`."""
     participant: Annotated[str, Field(max_length=100)] | None
+    """Whose session is open on the page; null for none."""
 
 
 def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: float) -> LiveReply:
@@ -321,27 +333,43 @@ def add_live(app: FastAPI, lab: Lab) -> None:
 
 # ---- routes -------------------------------------------------------------------------------------------------------
 
-private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+private = experimenters_router("experimenter")
 
 
 class PlaneReply(BaseModel):
     """One of the heatmaps of the paper's Fig. 2 for the last tick. `values` has a row for each x."""
 
     kind: str
+    """information or reward."""
     tick: int
+    """Number of the tick it is of."""
     z_m: float
+    """Height of the plane, in metres in the world frame."""
     x_m: list[float]
+    """Its rows, in metres in the world frame."""
     y_m: list[float]
+    """Its columns, in metres in the world frame."""
     values: list[list[float]]
+    """A row for each x, a column for each y."""
     unit: str
+    """The unit of `values`."""
     caption: str
+    """What it shows, in words."""
     goals: list[dict[str, Any]]
+    """The goals, with their places and belief."""
     gripper_m: tuple[float, float, float]
+    """The gripper, in metres in the world frame."""
     table_m: tuple[float, float, float, float]
+    """The table top, in metres: least x, most x, least y, most y."""
 
 
-@private.get("/sessions/{participant}/heatmap")
-async def heatmap(participant: str, lab: TheLab, who: Experimenter, kind: PlaneKind = "information") -> PlaneReply:
+@private.get("/sessions/{participant}/heatmap", responses=refusals(404, 409))
+async def heatmap(
+    participant: ParticipantId,
+    lab: TheLab,
+    who: Experimenter,
+    kind: Annotated[PlaneKind, Query(description="Which of the two heatmaps.")] = "information",
+) -> PlaneReply:
     """What each place of the table is worth, for the last tick's belief: expected information or approach to goals."""
     live = lab.live_session(participant)
     if live is None:
@@ -371,11 +399,11 @@ async def _remark(lab: Lab, participant: str, remark: Remark, who: str) -> dict[
 
 
 def _remark_route(path: str, name: RemarkName, text: str) -> None:
-    async def route(participant: str, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    async def route(participant: ParticipantId, body: _Said, lab: TheLab, who: Experimenter) -> dict[str, str]:
         return await _remark(lab, participant, Remark(name, body.text), who)
 
     route.__doc__ = text
-    private.post(f"/sessions/{{participant}}/{path}", name=path)(route)
+    private.post(f"/sessions/{{participant}}/{path}", name=path, responses=refusals(404, 409))(route)
 
 
 _remark_route("note", "note", "Write something into the session's record.")
@@ -383,7 +411,7 @@ _remark_route("mark", "task_marked", "Mark the task that is under way, with word
 _remark_route("message", "message", "Show the participant a line, which stays until they put it away.")
 
 
-@private.post("/sessions/{participant}/help_seen")
-async def help_seen(participant: str, body: _Empty, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@private.post("/sessions/{participant}/help_seen", responses=refusals(404, 409))
+async def help_seen(participant: ParticipantId, body: _Empty, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """The participant's call for help has been answered."""
     return await _remark(lab, participant, Remark("help_seen", ""), who)

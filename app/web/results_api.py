@@ -11,47 +11,68 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import FastAPI, HTTPException, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.lab.lab import StudyUnreadable
 from app.session.commands import NotNow
-from app.web.access import Experimenter, ExperimenterRoute, TheLab
+from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from study.definition.study import Study
 from study.flow.answers import score
 from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Batch, Store
 
-router = APIRouter(prefix="/api", tags=["results"], route_class=ExperimenterRoute)
+router = experimenters_router("results")
+
+TrialNumber = Annotated[int, Path(description="Number of the trial, from 1.")]
 
 
 class VerdictLine(BaseModel):
     """One ended trial. An experimenter's `override` counts instead of the automatic `quality`."""
 
     participant: str
+    """Id, such as P001."""
     trial: int
+    """Number of the trial, from 1."""
     condition: str
+    """Id of the trial's condition."""
     outcome: str
+    """How the trial ended."""
     quality: str | None
+    """The automatic verdict: good or suspect."""
     broken: list[str]
+    """The rules of the study file that the trial broke."""
     override: str | None
+    """The experimenter's verdict; null for none."""
     reason: str | None
+    """Why it was overridden; null for none."""
     round_trip_ms: float | None
+    """Time to the page and back, in milliseconds; null if not measured."""
     hidden_s: float | None
+    """How long the page was hidden, in seconds."""
     missed_ticks: int
+    """Ticks that started more than 50 ms late."""
     focus_losses: int | None
+    """How often the page lost the focus."""
     pad_losses: int | None
+    """How often the gamepad was unplugged."""
     unanswered_alerts: int | None
+    """Readings that expired."""
 
 
 class QualityReply(BaseModel):
     """One page of the trials, newest participant first, beside how many there are."""
 
     good: int
+    """Ended trials whose verdict is good."""
     suspect: int
+    """Ended trials whose verdict is suspect."""
     total: int
+    """Trials that `show` lets through, on all pages."""
     offset: int
+    """How many of them stand on earlier pages."""
     lines: list[VerdictLine]
+    """The trials of this page."""
 
 
 class OverrideRequest(BaseModel):
@@ -60,24 +81,33 @@ class OverrideRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     verdict: Literal["good", "suspect"]
+    """What counts from now on."""
     reason: Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+    """Why; it is exported with the trial."""
 
 
 class ScoreLine(BaseModel):
     """The mean score of a questionnaire under one condition, over `n` trials."""
 
     instrument: str
+    """Id of the questionnaire."""
     condition: str
+    """Id of the condition."""
     n: int
+    """How many trials it is the mean of."""
     mean: float
+    """The mean score, on the questionnaire's own scale."""
 
 
 class SummaryReply(BaseModel):
     """What there is of data. Pilot and demo participants are not counted."""
 
     trials: dict[str, int]
+    """How many there are of each outcome."""
     alerts: dict[str, int]
+    """How many readings there are of each status."""
     scores: list[ScoreLine]
+    """Mean scores, by questionnaire and condition."""
 
 
 def _line(row: TrialRow) -> VerdictLine:
@@ -103,9 +133,9 @@ def _line(row: TrialRow) -> VerdictLine:
 async def read_quality(
     lab: TheLab,
     who: Experimenter,
-    show: Literal["all", "good", "suspect"] = "all",
-    offset: Annotated[int, Field(ge=0)] = 0,
-    limit: Annotated[int, Field(ge=1, le=500)] = 50,
+    show: Annotated[Literal["all", "good", "suspect"], Query(description="Only trials of this verdict.")] = "all",
+    offset: Annotated[int, Query(ge=0, description="How many trials to pass over.")] = 0,
+    limit: Annotated[int, Query(ge=1, le=500, description="How many trials to send at most.")] = 50,
 ) -> QualityReply:
     """The verdict over every trial that has ended, pilots and demos included."""
     # Beside the writing thread, here and in `summary`: ticks do not wait for it.
@@ -121,8 +151,10 @@ async def read_quality(
     )
 
 
-@router.post("/quality/{participant}/{trial}")
-async def override(participant: str, trial: int, body: OverrideRequest, lab: TheLab, who: Experimenter) -> VerdictLine:
+@router.post("/quality/{participant}/{trial}", responses=refusals(404))
+async def override(
+    participant: ParticipantId, trial: TrialNumber, body: OverrideRequest, lab: TheLab, who: Experimenter
+) -> VerdictLine:
     """Let another verdict count, with the reason, which is exported with the trial. The automatic one stays beside it,
     and an event says who and when."""
     utc, reason = utc_text(time.time()), body.reason.strip()
@@ -194,20 +226,30 @@ class FigureLine(BaseModel):
     """A figure of the report, at `/dashboard/report/figures/NAME.svg` and `.png`."""
 
     name: str
+    """The file's name without its ending."""
     title: str
+    """What it shows."""
 
 
 class ReportReply(BaseModel):
     """The report of the data so far: `state` none, making, made or cannot, and how far it is or why it cannot be."""
 
     state: str
+    """Whether there is one: none, making, made or cannot."""
     text: str
+    """The step under way, or why there is no report."""
     step: int
+    """Number of the step under way."""
     of: int
+    """How many steps there are."""
     made_utc: str | None
+    """When it was made, in UTC; null for none."""
     participants: int
+    """How many people it is about."""
     trials: int
+    """How many trials it is about."""
     figures: list[FigureLine]
+    """Its figures."""
 
 
 def _report(lab: TheLab) -> ReportReply:
@@ -222,7 +264,7 @@ async def read_report(lab: TheLab, who: Experimenter) -> ReportReply:
     return _report(lab)
 
 
-@router.post("/report", status_code=202)
+@router.post("/report", status_code=202, responses=refusals(409))
 async def make_report(lab: TheLab, who: Experimenter) -> ReportReply:
     """Make the report of the data so far, without pilots and demos, in a process of its own."""
     try:

@@ -6,13 +6,13 @@ import io
 from typing import Annotated, Literal
 
 import segno
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
-from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
+from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from study.flow import roster
 from study.flow.open_link import open_link
 from study.flow.roster import ACTS, Act, Enrolled
@@ -21,7 +21,7 @@ from study.store import Store, StoredSession
 PAGE = 50
 """Lines of the roster sent at once, unless asked otherwise."""
 
-router = APIRouter(prefix="/api", tags=["roster"], route_class=ExperimenterRoute)
+router = experimenters_router("roster")
 
 Show = Literal[
     "all",
@@ -44,79 +44,109 @@ class CellReply(BaseModel):
     """Who holds a cell, and how far it is filled."""
 
     participant: str
+    """Id, such as P001."""
     cell: Literal["waiting", "under_way", "done"]
+    """How far it is filled."""
 
 
 class GridReply(BaseModel):
     """One order of the conditions. The next participant gets the order marked `next`."""
 
     order: list[str]
+    """The conditions' ids, first to last."""
     next: bool
+    """Whether the next participant gets it."""
     cells: list[CellReply]
+    """Its cells that are taken."""
 
 
 class RosterLine(BaseModel):
     """One participant. `why_not` says for every act why it is not possible, "" where it is."""
 
     participant: str
+    """Id, such as P001."""
     label: str | None
+    """The experimenter's name for them, never exported; null for none."""
     ids: dict[str, str]
     """The ids of the open link they came over; never exported."""
     kind: str
+    """study, pilot or demo; `erased` for a mark."""
     state: str
+    """The state of the session; `erased` for a mark."""
     order: list[str]
+    """The conditions' ids, first to last."""
     rejected: bool
+    """Whether their cell was given out again."""
     erased_utc: str | None
+    """When they were erased, in UTC; null for who is still there."""
     created_utc: str | None
+    """When they were enrolled, in UTC; null for a mark."""
     why_not: dict[str, str]
+    """Act to the reason why it is not possible; "" when it is."""
 
 
 class RecruitmentReply(BaseModel):
     """The open link of this study, and how many of its places are taken."""
 
     open: bool
+    """Whether the study file opens the link."""
     quota: int
+    """At most so many hold a cell."""
     held: int
+    """How many hold a cell now."""
     link: str
+    """The link to give to a recruitment service."""
 
 
 class RosterReply(BaseModel):
     """One page of the roster, newest first, beside the whole grid."""
 
     title: str
+    """The study's title."""
     withdrawal: Literal["keep", "erase"]
     """What the consent text says becomes of the data of somebody who withdraws."""
     recruitment: RecruitmentReply
+    """The open link."""
     grid: list[GridReply]
+    """Every order and who holds its cells."""
     counts: dict[str, int]
+    """How many there are, by state and by kind."""
     total: int
+    """Lines that `show` and `search` let through, on all pages."""
     offset: int
+    """How many of them stand on earlier pages."""
     lines: list[RosterLine]
+    """The lines of this page."""
 
 
 class RejectRequest(RequestBody):
     """Why the data cannot be used."""
 
     reason: Reason
+    """In words; kept apart from the record and never exported."""
 
 
 class WithdrawRequest(RequestBody):
     """Somebody's wish to stop. `keep` says whether what was recorded stays; if left out, the study file decides."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
+    """In words, if there are any; kept apart from the record and never exported."""
     keep: bool | None = None
+    """Whether their data stay; left out, as the consent they gave says."""
 
 
 class EraseRequest(RequestBody):
     """The id once more, so that nobody is erased by a slip."""
 
     confirm: str
+    """Must equal the id in the path."""
 
 
 class EraseReply(BaseModel):
     """What became of it."""
 
     participant: str
+    """Id, such as P001."""
     overwritten: bool
     """Whether the space is overwritten already. If not, another process was reading; the next erasure does it."""
 
@@ -125,13 +155,16 @@ class LinkReply(BaseModel):
     """A link that carries a token; it cannot be shown again."""
 
     participant: str
+    """Id, such as P001."""
     link: str
+    """The link; whoever has it is the participant."""
 
 
 class QrRequest(RequestBody):
     """A link of this lab. It travels in the body: addresses end up in logs."""
 
     link: Annotated[str, Field(min_length=1, max_length=500)]
+    """Begins with the lab's address."""
 
 
 def enrolment(
@@ -165,10 +198,12 @@ async def _may(lab: Lab, act: Act, participant: str) -> None:
 async def read_roster(
     lab: TheLab,
     who: Experimenter,
-    offset: Annotated[int, Field(ge=0)] = 0,
-    limit: Annotated[int, Field(ge=1, le=500)] = PAGE,
-    show: Show = "all",
-    search: Annotated[str, Field(max_length=200)] = "",
+    offset: Annotated[int, Query(ge=0, description="How many lines to pass over.")] = 0,
+    limit: Annotated[int, Query(ge=1, le=500, description="How many lines to send at most.")] = PAGE,
+    show: Annotated[Show, Query(description="Only participants of this kind or in this state.")] = "all",
+    search: Annotated[
+        str, Query(max_length=200, description="Only participants whose id, label or link's ids have this in them.")
+    ] = "",
 ) -> RosterReply:
     """One page of everybody ever enrolled, erased ones as a mark, and how the counterbalancing is filled."""
     stored, labels, ids, erasures = await lab.store.run(enrolment)
@@ -223,7 +258,7 @@ async def read_roster(
     )
 
 
-def _mark(participant: str, utc: str) -> RosterLine:
+def _mark(participant: ParticipantId, utc: str) -> RosterLine:
     gone = "Erased: nothing is left but this mark."
     return RosterLine(
         participant=participant,
@@ -239,8 +274,8 @@ def _mark(participant: str, utc: str) -> RosterLine:
     )
 
 
-@router.post("/participants/{participant}/reject")
-async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@router.post("/participants/{participant}/reject", responses=refusals(404, 409))
+async def reject(participant: ParticipantId, body: RejectRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """Give the cell of a completed session out again because its data cannot be used. The data stay, marked."""
     await _may(lab, "reject", participant)
     if not await lab.reject(participant, body.reason.strip(), who):
@@ -248,8 +283,8 @@ async def reject(participant: str, body: RejectRequest, lab: TheLab, who: Experi
     return {"participant": participant, "state": "rejected"}
 
 
-@router.post("/participants/{participant}/withdraw")
-async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+@router.post("/participants/{participant}/withdraw", responses=refusals(404, 409))
+async def withdraw(participant: ParticipantId, body: WithdrawRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
     """End the session at the participant's wish; their data stay or are erased, as asked or as the consent says."""
     await _may(lab, "withdraw", participant)
     keep = body.keep
@@ -268,11 +303,12 @@ async def withdraw(participant: str, body: WithdrawRequest, lab: TheLab, who: Ex
     return {"participant": participant, "state": "withdrawn" if keep else "erased"}
 
 
-@router.post("/participants/{participant}/erase")
-async def erase(participant: str, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
+@router.post("/participants/{participant}/erase", responses=refusals(404, 409))
+async def erase(participant: ParticipantId, body: EraseRequest, lab: TheLab, who: Experimenter) -> EraseReply:
     """Delete everything about a participant for good; a session that is live ends first. A mark without content stays.
 
-    Exports made before and backups are not reached from here.
+    Copies that the lab made of the database before a migration are deleted too. Exports made before and copies made
+    elsewhere are not reached from here.
     """
     await _may(lab, "erase", participant)
     if body.confirm != participant:
@@ -283,14 +319,18 @@ async def erase(participant: str, body: EraseRequest, lab: TheLab, who: Experime
         raise HTTPException(404, str(error)) from None
 
 
-@router.post("/participants/{participant}/link", status_code=201)
-async def new_link(participant: str, lab: TheLab, who: Experimenter) -> LinkReply:
+@router.post("/participants/{participant}/link", status_code=201, responses=refusals(404, 409))
+async def new_link(participant: ParticipantId, lab: TheLab, who: Experimenter) -> LinkReply:
     """Another link to the same participant's page, for one that was lost. Earlier links go on working."""
     await _may(lab, "new_link", participant)
     return LinkReply(participant=participant, link=await lab.new_link(participant))
 
 
-@router.post("/qr")
+@router.post(
+    "/qr",
+    response_class=Response,
+    responses={200: {"description": "A picture, image/svg+xml", "content": {"image/svg+xml": {}}}},
+)
 async def qr_code(body: QrRequest, lab: TheLab, who: Experimenter) -> Response:
     """A link of this lab as a QR code (SVG)."""
     if not body.link.startswith(f"{lab.base_url}/"):

@@ -15,12 +15,14 @@ from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Resp
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
+from starlette.types import Scope
 
 from app.errors import LabError
 from app.lab.lab import Lab, NoSuchParticipant, StudyUnreadable
 from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.web import participant_socket as sockets
+from app.web.access import ErrorReply, Problem
 from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.web.arbiter_api import add_arbiter_api
 from app.web.dashboard_frames import add_dashboard_frames
@@ -36,6 +38,8 @@ log = logging.getLogger(__name__)
 STATIC = Path(__file__).resolve().parents[2] / "static"
 MAX_BODY_BYTES = 1_000_000
 """No request needs more; larger ones are refused before they are read."""
+MAX_PROBLEMS = 20
+"""So many mistakes of a request are told."""
 
 SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -46,6 +50,16 @@ PAGE_POLICY = (
     "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; "
     "worker-src 'self'; frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'"
 )
+
+
+class ServedFiles(StaticFiles):
+    """What pages load. The folders' own READMEs are for those who work on them."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """404 for Markdown as for what is not there."""
+        if path.lower().endswith(".md"):
+            raise HTTPException(404)
+        return await super().get_response(path, scope)
 
 
 def create_app(lab: Lab) -> FastAPI:
@@ -77,7 +91,7 @@ def create_app(lab: Lab) -> FastAPI:
     _add_pages(app, lab)
     _add_sockets(app, lab)
     app.add_middleware(Prefixed, lab=lab)
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    app.mount("/static", ServedFiles(directory=STATIC), name="static")
     return app
 
 
@@ -85,17 +99,15 @@ def _add_errors(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def invalid(_: Request, error: RequestValidationError) -> JSONResponse:
         """What is wrong, without echoing what was sent (it may be NaN, or megabytes)."""
-        problems = [{"field": _field(item["loc"]), "message": item["msg"]} for item in error.errors()]
-        detail = "; ".join(f"{problem['field']}: {problem['message']}" for problem in problems[:20])
-        return JSONResponse({"detail": detail, "problems": problems[:20]}, 422)
+        problems = [Problem(field=_field(item["loc"]), message=item["msg"]) for item in error.errors()]
+        return _wrong(problems[:MAX_PROBLEMS])
 
     @app.exception_handler(HTTPException)
     async def unreadable(request: Request, error: HTTPException) -> Response:
         """JSON that Python gives up on (a number of thousands of digits, endless nesting) is wrong like any other."""
         if error.status_code != 400:
             return await http_exception_handler(request, error)
-        problem = {"field": "body", "message": "cannot be read as JSON"}
-        return JSONResponse({"detail": "body: cannot be read as JSON", "problems": [problem]}, 422)
+        return _wrong([Problem(field="body", message="cannot be read as JSON")])
 
     @app.exception_handler(LabError)
     async def lab_error(_: Request, error: LabError) -> JSONResponse:
@@ -107,6 +119,12 @@ def _add_errors(app: FastAPI) -> None:
         for name, value in SECURITY_HEADERS.items():
             response.headers.setdefault(name, value)
         return response
+
+
+def _wrong(problems: list[Problem]) -> JSONResponse:
+    """The answer to a request with these mistakes."""
+    detail = "; ".join(f"{problem.field}: {problem.message}" for problem in problems)
+    return JSONResponse(ErrorReply(detail=detail, problems=problems).model_dump(), 422)
 
 
 def _field(place: Sequence[str | int]) -> str:

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import APIRouter, FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from starlette.background import BackgroundTask
@@ -17,7 +17,7 @@ from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
-from app.web.access import Experimenter, ExperimenterRoute, RequestBody, TheLab
+from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from app.wire import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.protocol import allowed
@@ -25,6 +25,8 @@ from study.flow.roster import EnrolmentKind
 from study.store import StoredSession
 
 MAX_INVITATIONS = 200
+
+IncludePilot = Annotated[bool, Query(description="Whether pilots are in it too.")]
 
 
 class InviteRequest(RequestBody):
@@ -35,52 +37,82 @@ class InviteRequest(RequestBody):
     kind: Literal["study", "pilot", "demo"] = "study"
     """Pilot and demo participants hold no cell of the counterbalancing, and no export has them unless asked for."""
     pace: Pace | None = None
+    """Ticks by the clock, or one for each input; left out, as the lab was started."""
     label: Annotated[str, Field(max_length=200)] | None = None
     """A name or recruitment id for the experimenter's eyes; kept apart and never exported."""
     count: Annotated[int, Field(ge=1, le=MAX_INVITATIONS)] = 1
+    """How many to enrol; their labels are numbered."""
 
 
 class InvitationReply(BaseModel):
     """A new participant's links. They cannot be shown again: only hashes of their tokens are stored."""
 
     participant: str
+    """Id, such as P001."""
     link: str
+    """For the participant."""
     panel_link: str
+    """For their second device."""
     demo: bool
+    """Whether this is a demo."""
     kind: str
+    """study, pilot or demo."""
 
 
 class InviteReply(InvitationReply):
     """The first new participant, and all of them."""
 
     created: list[InvitationReply]
+    """All of them, in order."""
 
 
 class SessionReply(BaseModel):
     """One session at a glance."""
 
     participant: str
+    """Id, such as P001."""
     label: str | None
+    """The experimenter's name for them, never exported; null for none."""
     demo: bool
+    """Whether this is a demo."""
     kind: str
+    """study, pilot or demo."""
     state: str
+    """Where the session is."""
     place: str
+    """The state, or while paused the one that will be resumed."""
     causes: list[str]
+    """Why it is paused; empty otherwise."""
     trial: int
+    """Number of the trial, from 1; 1 before the first."""
     trials: int
+    """How many trials the session has."""
     condition: str
+    """Id of the trial's condition."""
     order: list[str]
+    """The conditions' ids, first to last."""
     pace: str
+    """real_time or lockstep."""
     connected: bool
+    """Whether the participant's page is there."""
     panel_connected: bool
+    """Whether the second device is there."""
     held: bool
+    """Whether the robot waits for the page's heartbeat."""
     help_wanted: bool
+    """Whether the participant has called and nobody has answered."""
     done_tasks: int | None
+    """Tasks that have ended; null without a trial under way."""
     tasks: int | None
+    """Tasks there are in all; null without a trial under way."""
     round_trip_ms: float | None
+    """Time to the page and back, in milliseconds; null if not measured."""
     overruns: int
+    """Ticks of this trial that started more than 50 ms late."""
     device: str | None
+    """What the hands are read from; null before the page said so."""
     created_utc: str
+    """When they were enrolled, in UTC."""
     allowed: list[str]
     """Events of the protocol that are possible now."""
     why_not: dict[str, str]
@@ -91,10 +123,11 @@ class CommandRequest(RequestBody):
     """Why. The words are kept apart from the record and never exported; an abort must have some."""
 
     reason: Annotated[str, Field(max_length=1000)] | None = None
+    """In words."""
 
 
 public = APIRouter(prefix="/api", tags=["open"])
-private = APIRouter(prefix="/api", tags=["experimenter"], route_class=ExperimenterRoute)
+private = experimenters_router("experimenter")
 
 
 @public.get("/health")
@@ -177,7 +210,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
 
 
 def _command_route(name: CommandName, text: str, needs_words: bool = False) -> None:
-    async def route(participant: str, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
+    async def route(participant: ParticipantId, body: CommandRequest, lab: TheLab, who: Experimenter) -> dict[str, str]:
         words = (body.reason or "").strip() or None
         if needs_words and words is None:
             raise HTTPException(422, "reason: must not be empty; it is kept in the lab, never exported")
@@ -190,7 +223,7 @@ def _command_route(name: CommandName, text: str, needs_words: bool = False) -> N
         return {"participant": participant, "state": session.session.state}
 
     route.__doc__ = text
-    private.post(f"/sessions/{{participant}}/{name}", name=name)(route)
+    private.post(f"/sessions/{{participant}}/{name}", name=name, responses=refusals(404, 409))(route)
 
 
 _command_route("start", "Begin the practice or the trial that waits for its Start button.")
@@ -201,8 +234,12 @@ _command_route("abort_trial", "End the trial that is under way; it stays, marked
 _command_route("abort", "End the session for good; its data stay.", True)
 
 
-@private.get("/export")
-async def export(lab: TheLab, who: Experimenter, include_pilot: bool = False) -> FileResponse:
+@private.get(
+    "/export",
+    response_class=FileResponse,
+    responses={200: {"description": "A file, application/zip", "content": {"application/zip": {}}}},
+)
+async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False) -> FileResponse:
     """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
     path = Path(folder.name) / "export.zip"

@@ -82,7 +82,7 @@ export async function erase(api, { participant }) {
     confirm: "Erase for good",
     text: [
       "Everything about this participant is deleted and the space it took is overwritten: records, answers, links and names. A session that is running ends. Only the mark that there was a participant of this id stays. This cannot be undone.",
-      "Exports you made before and backups are not reached from here.",
+      "Exports you made before, and copies of the data you made elsewhere, are not reached from here.",
     ],
     field: {
       label: `Type ${participant} to confirm`,

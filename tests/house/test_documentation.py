@@ -7,12 +7,13 @@ these are held to the code here too. `test_site` builds the site.
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import yaml
@@ -21,10 +22,12 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
-from app.wire import ClientMessage, ServerMessage
+from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
 from docs import reference, words
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
+from study.flow.protocol import TERMINAL, State
+from study.flow.steps import STEP_DATA
 from study.records import TABLES, codebook
 
 if sys.version_info >= (3, 11):
@@ -182,6 +185,15 @@ def test_every_route_and_everything_sent_is_in_the_reference() -> None:
         assert [row[0].strip("`") for row in rows_of(part)[1:]] == list(schema.get("properties", {}))
 
 
+@pytest.mark.parametrize("page", ["http_api", "wire_protocol"])
+def test_everything_that_is_sent_says_what_it_means(page: str) -> None:
+    """Each table's last column is the meaning: of a parameter, a field, a key."""
+    rows = rows_of(reference.GENERATED[page]())
+    assert len(rows) > 70
+    assert {row[-1] for row in rows if row[0] in ("parameter", "field", "key")} == {"meaning"}
+    assert [row[0] for row in rows if not row[-1]] == []
+
+
 def test_every_message_and_field_of_the_wire_is_in_the_reference() -> None:
     page = reference.wire_protocol()
     for union in (ClientMessage, ServerMessage):
@@ -190,6 +202,44 @@ def test_every_message_and_field_of_the_wire_is_in_the_reference() -> None:
             part = page.split(f"### `{name}`\n")[1].split("\n##")[0]
             assert part.strip().startswith((model.__doc__ or "").split("\n")[0])
             assert {row[0].strip("`") for row in rows_of(part)[1:]} == set(model.model_fields) - {"type"}
+
+
+def test_every_step_of_a_submit_is_in_the_reference_with_what_it_holds() -> None:
+    assert set(get_args(Submit.model_fields["step"].annotation)) == set(STEP_DATA)
+    page = reference.wire_protocol().split("## What a submit holds\n")[1]
+    for step, model in STEP_DATA.items():
+        (part,) = (part for part in page.split("\n### ") if f"`{step}`" in part.splitlines()[0])
+        assert [row[0].strip("`") for row in rows_of(part)[1:]] == list(model.model_fields)
+
+
+def test_the_dialogue_of_a_client_is_what_can_be_said() -> None:
+    """What is sent is whole; what is received is shortened, but of a known type with known fields."""
+    (dialogue,) = (text for text in blocks("text", PAGES["docs/how-to/drive-headless.md"]) if '"hello"' in text)
+    known = {model.model_fields["type"].default: model for model in reference.messages(ServerMessage)}
+    said = 0
+    for line in dialogue.splitlines():
+        if line.startswith("> "):
+            message = CLIENT_MESSAGE.validate_json(line[2:])
+            if isinstance(message, Submit):
+                STEP_DATA[message.step].model_validate(message.data)
+            said += 1
+        elif line.startswith("< "):
+            fields = json.loads(line[2:].replace(", ...}", "}").replace("{...}", "{}"))
+            assert set(fields) <= set(known[fields["type"]].model_fields), line
+        else:
+            assert line == "..."
+    assert said == 4
+    assert f"at most {MAX_MESSAGE_BYTES} bytes" in PAGES["docs/how-to/drive-headless.md"]
+
+
+def test_every_state_of_a_session_is_in_the_table_of_steps_or_ends_it() -> None:
+    page = PAGES["docs/how-to/drive-headless.md"].split("| page's state | step that leads on |")[1].split("\n\n")[0]
+    states = {span for row in rows_of(page) for span in spans_of(row[0])}
+    assert states | TERMINAL == set(get_args(State))
+    assert {span for row in rows_of(page) for span in spans_of(row[1])} - {"status", "ready", "input"} <= {
+        *STEP_DATA,
+        "content.can_resume",
+    }
 
 
 # ---- the study file and the export
@@ -321,9 +371,31 @@ def test_every_generated_page_is_somewhere_once() -> None:
 
 def test_every_package_tells_what_it_is_in_the_reference() -> None:
     told = reference.packages()
-    for readme in sorted(path for room in ("app", "sim", "study") for path in (ROOT / room).rglob("README.md")):
+    readmes = sorted(path for room in ("app", "sim", "study", "static") for path in (ROOT / room).rglob("README.md"))
+    for readme in [*readmes, *sorted((ROOT / "tests").glob("README.md"))]:
         heading = readme.read_text(encoding="utf-8").splitlines()[0]
         assert f"#{heading}\n" in told, readme
+
+
+def test_every_place_of_the_packages_page_has_a_readme() -> None:
+    for room in reference.ROOMS:
+        assert list(ROOT.glob(f"{room}/README.md")), f"nothing stands at {room}"
+
+
+def rooms_with_a_readme() -> list[str]:
+    return sorted(
+        str(path.parent.relative_to(ROOT))
+        for room in ("app", "study", "sim", "static")
+        for path in (ROOT / room).rglob("README.md")
+    )
+
+
+@pytest.mark.parametrize("room", rooms_with_a_readme())
+def test_every_readme_names_every_module_beside_it(room: str) -> None:
+    named = set(spans_of((ROOT / room / "README.md").read_text(encoding="utf-8")))
+    beside = {path.name for path in (ROOT / room).iterdir() if path.suffix in (".py", ".js")}
+    missing = sorted(beside - named - {"__init__.py"})
+    assert not missing, f"{room}/README.md does not name {', '.join(missing)}"
 
 
 def test_the_readme_is_short() -> None:

@@ -15,6 +15,7 @@ from websockets.sync.client import connect as sync_connect
 
 from app.lab import tokens as auth
 from app.simulated.bot import enter
+from app.web.access import ErrorReply
 from app.wire import PROTOCOL_VERSION, Hello
 from tests.support.lab_server import EXPERIMENTER_TOKEN, LabServer
 from tests.support.wire_client import events, invite, seen_by_experimenter, stored, visit
@@ -113,6 +114,54 @@ def test_every_route_is_either_open_or_asks_for_the_token(client: httpx.Client) 
     routes = {(method.upper(), path) for path, methods in paths.items() for method in methods}
     assert {path for _, path in routes} - OPEN_ROUTES == {path for _, path in EXPERIMENTERS_ROUTES}
     assert {route for route in routes if route[1] not in OPEN_ROUTES} == set(EXPERIMENTERS_ROUTES)
+
+
+def test_every_refusal_of_a_route_is_declared_as_what_is_sent(client: httpx.Client) -> None:
+    """None is FastAPI's own; only the open link says in its own words why nobody can begin."""
+    described = client.get("/openapi.json").json()
+    assert not {"HTTPValidationError", "ValidationError"} & set(described["components"]["schemas"])
+    for path, methods in described["paths"].items():
+        for method, route in methods.items():
+            refused = {status: reply for status, reply in route["responses"].items() if status >= "400"}
+            assert path in OPEN_ROUTES or {"403", "422", "429"} <= set(refused), (method, path)
+            for status, reply in refused.items():
+                schema = reply["content"]["application/json"]["schema"]
+                is_of_the_link = path in ("/join", "/join/offer") and status in ("400", "404", "409")
+                assert schema["$ref"].endswith("/JoinReply" if is_of_the_link else "/ErrorReply"), (
+                    method,
+                    path,
+                    status,
+                )
+
+
+def test_what_is_refused_is_answered_as_declared(client: httpx.Client, quick_lab: LabServer) -> None:
+    def refusal(status: int, answer: httpx.Response) -> ErrorReply:
+        assert answer.status_code == status
+        told = answer.json()
+        read = ErrorReply.model_validate(told)
+        assert set(told) <= set(ErrorReply.model_fields) and read.detail
+        return read
+
+    def evaluate(content: bytes) -> httpx.Response:
+        return client.post("/api/arbiter/evaluate", content=content, headers={"Content-Type": "application/json"})
+
+    assert refusal(403, client.get("/api/sessions")).problems is None
+    wrong = refusal(422, evaluate(b'{"goals_m": []}'))
+    assert wrong.problems is not None
+    assert {problem.field for problem in wrong.problems} == {"position_m", "momentum", "goals_m"}
+    assert wrong.detail == "; ".join(f"{problem.field}: {problem.message}" for problem in wrong.problems)
+    unreadable = refusal(422, evaluate(b'{"alpha": ' + b"[" * 20_000))
+    assert unreadable.problems is not None and [problem.field for problem in unreadable.problems] == ["body"]
+    nobody = client.post("/api/sessions/P999/pause", json={}, headers=quick_lab.headers)
+    assert refusal(404, nobody).problems is None
+    slip = client.post("/api/qr", json={"link": "elsewhere"}, headers=quick_lab.headers)
+    assert refusal(422, slip).problems is None
+
+
+@pytest.mark.parametrize("path", ["participant/README.md", "README.md", "wire/%52EADME.MD", "./hands//README.md"])
+def test_the_readmes_beside_what_pages_load_are_not_served(client: httpx.Client, path: str) -> None:
+    assert client.get("/static/participant/participant.js").status_code == 200
+    assert client.get(f"/static/{path}").status_code == 404
 
 
 WRONG_HEADERS = {
