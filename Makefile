@@ -71,7 +71,7 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@echo "== pytest: what drives a browser, one at a time"
 	@$(PY) -m pytest -m browser
 
-test-fast: $(VENV)/.installed-test ## the tests that need neither a browser nor pybullet, under a minute
+test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
 
 check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-js, test-fast
