@@ -150,9 +150,7 @@ class _Weighing:
     ) -> None:
         self.parameters = parameters
         self.user_index = None if user_action is None else index_of(user_action)
-        self._position_m = checked_point_m("position_m", position_m)
-        checked_momentum(momentum)
-        self._momentum = momentum  # as given: a tuple is looked up faster than an array
+        self._given_position_m, self._momentum = position_m, momentum  # checked by whatever asks for them
         self._goals_m = checked_goals_m(goals_m)
         goal_count = self._goals_m.shape[0]
         self._prior: FloatArray
@@ -160,6 +158,10 @@ class _Weighing:
             self._prior = np.full(goal_count, 1.0 / goal_count)
         else:
             self._prior = checked_probabilities(prior, goal_count)
+
+    @cached_property
+    def _position_m(self) -> FloatArray:  # (3,)
+        return checked_point_m("position_m", self._given_position_m)
 
     @cached_property
     def previous(self) -> int | None:
@@ -260,6 +262,7 @@ def evaluate(
     Raises:
         AutonomyError: values that are not finite, of the wrong shape or out of bounds.
     """
+    checked_momentum(momentum)  # one state, where a transition model would take many
     weighing = _Weighing(position_m, momentum, goals_m, prior, user_action, parameters)
     allowed = _allowed(feasible)
     return Evaluation(
@@ -300,7 +303,7 @@ def choose(
 
     Args:
         feasible: whether the arm can do the action of that index; asked only for those that come first.
-        others: as for ``evaluate``, errors too.
+        others: as for ``evaluate``, errors too; what a choice does not rest on is not checked.
     """
     weighing = _Weighing(position_m, momentum, goals_m, prior, user_action, parameters)
     chosen = weighing.choice(feasible or (lambda index: True))
