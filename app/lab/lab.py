@@ -77,6 +77,7 @@ class Lab:
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
+        self._studies: dict[str, Study] = {}
         self._setups: dict[str, StudySetup] = {}
         self._setup: StudySetup | None = None
         self._live: dict[str, LiveSession] = {}
@@ -95,6 +96,7 @@ class Lab:
         cannot be made.
         """
         study = open_study(self.config.study_file)
+        self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study)
         warm_up(self._workers, self.config.robot)
         self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
@@ -327,7 +329,7 @@ class Lab:
             raise NoSuchParticipant(f"no participant {participant!r}") from None
 
     async def _bring_up(self, stored: StoredSession) -> LiveSession:
-        setup = await self._setup_of(stored.study_hash)
+        setup = await self._setup_of(stored)
         plan = plan_session(setup.study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
         resumed = await self.store.run(lambda store: _resumed(store, stored, setup.study))
@@ -349,21 +351,24 @@ class Lab:
 
     async def study_of(self, stored: StoredSession) -> Study:
         """The study a participant was enrolled in, even when the lab now runs another. Raises `StudyUnreadable`."""
-        return (await self._setup_of(stored.study_hash)).study
-
-    async def _setup_of(self, study_hash: str) -> StudySetup:
-        if study_hash not in self._setups:
+        study_hash = stored.study_hash
+        if study_hash not in self._studies:
             text = await self.store.run(lambda store: store.study_text(study_hash))
             try:
-                study = parse_text(text, f"stored study {study_hash[:12]}")
+                self._studies[study_hash] = parse_text(text, f"stored study {study_hash[:12]}")
             except StudyError as error:
                 problem = str(error).splitlines()[0]
                 raise StudyUnreadable(
                     f"this version of the lab cannot read the study they were enrolled with: {problem}; "
                     "open the data folder with the version that enrolled them"
                 ) from None
-            self._setups[study_hash] = await asyncio.to_thread(study_setup, study)
-        return self._setups[study_hash]
+        return self._studies[study_hash]
+
+    async def _setup_of(self, stored: StoredSession) -> StudySetup:
+        if stored.study_hash not in self._setups:
+            study = await self.study_of(stored)
+            self._setups[stored.study_hash] = await asyncio.to_thread(study_setup, study)
+        return self._setups[stored.study_hash]
 
     async def _panel_link(self, participant: str) -> str:
         """A fresh link for the second device."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from typing import TypeVar
 
 from study.records import EventRow, TickRow
 
@@ -13,6 +14,7 @@ KEPT_EVENTS = 50
 RATE_OVER_S = 5.0
 SHARE_OVER_TICKS = 20
 MAX_SIGNALS = 2000
+Row = TypeVar("Row", TickRow, EventRow)
 
 
 class History:
@@ -71,5 +73,6 @@ class History:
         return _last(self.events, self.events_seen - seen)
 
 
-def _last(rows: Iterable[EventRow | TickRow], count: int) -> list:  # type: ignore[type-arg]
+def _last(rows: Iterable[Row], count: int) -> list[Row]:
+    """The last rows, so many; none for a count of 0."""
     return list(rows)[-count:] if count > 0 else []

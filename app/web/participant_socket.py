@@ -180,10 +180,10 @@ def parse(text: str | bytes) -> Message:
         field, problem = unsound
         return Error(code="invalid", field=field, message=problem, id=identifier)
     try:
-        message: Any = CLIENT_MESSAGE.validate_python(data)
+        message: Message = CLIENT_MESSAGE.validate_python(data)
     except ValidationError as error:
         return _refusal(error, identifier)
-    return message  # type: ignore[no-any-return]
+    return message
 
 
 _IDENTIFIER = re.compile(r"[A-Za-z0-9._:-]{1,64}")
