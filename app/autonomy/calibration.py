@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.autonomy.actions import ACTION_COUNT, UNIT_DIRECTIONS
-from app.autonomy.arbiter import entropy_weights
+from app.autonomy.arbiters.weighing import entropy_weights
 from app.autonomy.arrays import FloatArray, checked_goals_m, checked_points_m
 from app.autonomy.belief import belief_entropy
 from app.autonomy.errors import AutonomyError

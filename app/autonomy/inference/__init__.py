@@ -1,0 +1,1 @@
+"""Ways to infer the goal from what the person does, one file each."""
