@@ -66,6 +66,8 @@ class LabConfig:
     """What links begin with when a proxy stands in front, with a path or without; None = http://host:port."""
     study_file: Path | None = None
     """The study to run; None = the paper's."""
+    trust: bool = False
+    """Whether code in files beside the study file may run, and code that stored studies hold from such files."""
     robot: str = "bullet"
     """Which robot moves: a name in `app.trial.robots.ROBOTS`, or one that an installed package registers."""
     pace: Pace = "real_time"

@@ -30,7 +30,7 @@ Memory = Any
 """A value of JSON: None, numbers, texts, lists and dicts of these, at most 64 kB."""
 
 Feasible = Callable[[Direction], bool]
-"""Whether the arm can do an action from here without pushing anything over. Staying always can be done."""
+"""Whether the arm can do an action from here without pushing anything over. To stay may always be chosen."""
 
 Explanation = Mapping[str, Union[float, str]]  # noqa: UP007 - evaluated at run time on 3.10 as well
 """What the dashboard shows of a decision: short names and their values."""
@@ -76,6 +76,11 @@ class State:
     tick: int = 0
 
 
+@dataclass(frozen=True)
+class NoParameters:
+    """Nothing to set."""
+
+
 class Part(ABC):
     """What arbiters and inferences have in common.
 
@@ -89,10 +94,7 @@ class Part(ABC):
             first cycle, and change it where the part decides.
     """
 
-    @dataclass(frozen=True)
-    class Parameters:
-        """Nothing to set."""
-
+    Parameters: ClassVar[type[Any]] = NoParameters
     parameters: Any
     memory: Memory = None
 

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from app.registry import Registry
+from study.parts.registry import Registry
 
 MAX_PORT = 65535
 
@@ -32,6 +32,11 @@ def registered(registry: Registry, help: str) -> Any:
         return text
 
     return typer.Option(metavar="|".join(registry.shipped), parser=known, help=help)
+
+
+def trust() -> Any:
+    """The option without which no code of a study file's sender runs."""
+    return typer.Option("--trust", help="run code in files beside the study file; read it first")
 
 
 def folder(help: str) -> Any:

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 import typer
 
+from app.commands import options
 from app.commands.groups import RUN_A_STUDY
 from app.commands.options import choice, file, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
@@ -41,6 +42,7 @@ def serve(
         str | None, typer.Option("--public-url", metavar="URL", help="what links begin with, behind a proxy")
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
+    trust: Annotated[bool, options.trust()] = False,
     robot: Annotated[str, registered(ROBOTS, "which robot moves")] = DEFAULTS.robot,
     pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
@@ -59,6 +61,7 @@ def serve(
         port=port,
         public_url=public_url(url, host),
         study_file=study,
+        trust=trust,
         robot=robot,
         pace=pace,
         scene=not no_scene,

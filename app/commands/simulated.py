@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from app.commands import options
 from app.commands.groups import SIMULATE_AND_ANALYSE
 from app.commands.options import choice, file, folder, number, registered
 from app.simulated.presets import PRESET_NAMES
@@ -33,6 +34,7 @@ def simulate(
         ),
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
+    trust: Annotated[bool, options.trust()] = False,
     workers: Annotated[int, number("processes; the data are the same for any number")] = 1,
 ) -> None:
     """Run a study with simulated participants.
@@ -41,7 +43,7 @@ def simulate(
     """
     from app.simulated.study import make_plan, simulate
 
-    plan = make_plan(seed, robot, preset, study)
+    plan = make_plan(seed, robot, preset, study, trust)
     rows = simulate(plan, participants, workers, out, preset)
     print(f"{participants} simulated participants, {rows['ticks']} ticks: {out}")
 

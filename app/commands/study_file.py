@@ -10,10 +10,12 @@ from typing import Annotated
 
 import typer
 
+from app.commands import options
 from app.commands.groups import STUDY_FILE
 from app.commands.options import choice
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
+from study.parts.code import Code
 
 commands = typer.Typer()
 
@@ -56,7 +58,10 @@ def new(
 
 
 @commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab check my-study.toml")
-def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="the study file")]) -> int:
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="the study file")],
+    trust: Annotated[bool, options.trust()] = False,
+) -> int:
     """Tell every problem of a study file at once.
 
     Of a file without one it tells how long a participant takes and how well the arbiter's weight balances.
@@ -67,7 +72,7 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="the study f
     from study.flow.overview import overview
 
     try:
-        study = open_study(file)
+        study = open_study(file, trust)
     except StudyFileError as error:
         for problem in error.problems:
             print(problem, file=sys.stderr)
@@ -75,10 +80,23 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="the study f
         print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
         return 1
     print(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}")
-    calibration = study_setup(study).calibration
+    for code in study.codes:
+        print(code_line(code, trust))
+    if any(code.is_beside for code in study.codes) and not trust:
+        print(f"Not run, and so not checked: that code. Read it, then: salab check {file} --trust")
+        return 0
+    calibration = study_setup(study, trust).calibration
     if calibration is not None:
         print(calibration_text(calibration))
     return 0
+
+
+def code_line(code: Code, trust: bool) -> str:
+    """What a study would run that does not ship with the lab."""
+    size = sum(len(text.encode()) for text in code.files.values())
+    source = f"{code.package} {code.version}" if code.package else f"{size} bytes beside the study file"
+    runs = "runs" if trust or not code.is_beside else "would run"
+    return f"{runs} {code.kind} {code.name} from {source}, SHA-256 {code.sha256}"
 
 
 def new_study_text(title: str, file: Path, preset: str) -> str:

@@ -22,13 +22,14 @@ from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import CycleStart, cycle_from_json, inputs_of
-from app.trial.world import open_study, parse_text
+from app.trial.world import open_study, parse_stored
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
 from study.flow.distractor import from_rows
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
+from study.parts.errors import PartError
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
 from study.store import AsyncStore, Store, StoredSession, open_store
 
@@ -92,12 +93,12 @@ class Lab:
     def prepare(self) -> None:
         """What can go wrong before anything is served: the study file, the robot, the data folder.
 
-        Raises `StudyError` (of which the study file's and the store's errors are kinds), or `LabError` for a robot that
-        cannot be made.
+        Raises `StudyError` (of which the errors of study file, parts and store are kinds), or `LabError` for a robot
+        that cannot be made.
         """
-        study = open_study(self.config.study_file)
+        study = open_study(self.config.study_file, self.config.trust)
         self._studies[study.hash] = study
-        self._setup = self._setups[study.hash] = study_setup(study)
+        self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
         self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
 
@@ -355,7 +356,7 @@ class Lab:
         if study_hash not in self._studies:
             text = await self.store.run(lambda store: store.study_text(study_hash))
             try:
-                self._studies[study_hash] = parse_text(text, f"stored study {study_hash[:12]}")
+                self._studies[study_hash] = parse_stored(text, f"stored study {study_hash[:12]}")
             except StudyError as error:
                 problem = str(error).splitlines()[0]
                 raise StudyUnreadable(
@@ -365,9 +366,15 @@ class Lab:
         return self._studies[study_hash]
 
     async def _setup_of(self, stored: StoredSession) -> StudySetup:
+        """What a participant's study runs with. Raises `StudyUnreadable` when it is not what it was when they were
+        enrolled: nobody goes on with another arbiter than they began with."""
         if stored.study_hash not in self._setups:
             study = await self.study_of(stored)
-            self._setups[stored.study_hash] = await asyncio.to_thread(study_setup, study)
+            try:
+                made = await asyncio.to_thread(study_setup, study, self.config.trust)
+            except PartError as error:
+                raise StudyUnreadable(f"{stored.participant} cannot go on: {error}") from None
+            self._setups[stored.study_hash] = made
         return self._setups[stored.study_hash]
 
     async def _panel_link(self, participant: str) -> str:

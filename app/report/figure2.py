@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from app.autonomy.arbiter import RATIONALITY_PER_M
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
+from app.autonomy.interface import RATIONALITY_PER_M
 from app.autonomy.transition import TransitionModel
 from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, Layout, scene
 from sim.objects import STUDY_OBJECTS

@@ -1,7 +1,7 @@
-"""What the robot thinks, worked out again from a tick's row for whoever watches: the participant's side has none of it.
+"""What the robot thinks, for whoever watches: the participant's side has none of it.
 
-A row holds the state, the belief and the choice, and the arbiter is a pure function of them: nothing has to be sent
-from the worker, and a session that nobody watches pays nothing.
+A tick's row holds the state, the belief and the choice; what spoke for the choice comes from the arbiter itself, by way
+of the worker it runs in.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from app.autonomy.actions import index_of
-from app.autonomy.arbiter import ArbiterParameters, entropy_weights, evaluate
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
+from app.autonomy.interface import Explanation
 from app.trial.labels import Labels
 from app.trial.values import TrialSetup
 from sim.interface import SceneSpec, Vector3
@@ -25,22 +24,6 @@ from study.records import TickRow
 PlaneKind = Literal["information", "reward"]
 CELL_M = 0.02
 MARGIN_M = 0.05
-
-
-@dataclass(frozen=True)
-class Scores:
-    """Why the action of a tick: the two rewards of paper III-F for it, and what they weigh.
-
-    `information` is the expected gain (eq. 11, units of log |goals|), `reward_m` the approach (eq. 7, metres); `score`
-    is the sum of the weighted two. What agreement with the person adds (gamma) is left out: it decides, and hides the
-    rest.
-    """
-
-    information: float
-    reward_m: float
-    weighted_information: float
-    weighted_reward: float
-    score: float
 
 
 @dataclass(frozen=True)
@@ -76,29 +59,15 @@ class TickExplanation:
     late_ms: float | None
     entropy: float
     goals: tuple[Goal, ...]
-    scores: Scores | None
+    explanation: Explanation
+    """What the arbiter says of its action, by name; empty where it chose none. The paper's arbiters tell `information`
+    (eq. 11, units of log |goals|), `reward_m` (eq. 7, metres), what the two weigh, and their sum, the `score`."""
 
 
-def scores_of(row: TickRow, parameters: ArbiterParameters) -> Scores | None:
-    """The scores of the row's action under a condition; None when there was none to choose."""
-    action = _direction(row.action_x, row.action_y, row.action_z)
-    if action is None:
-        return None
-    _, goals_m, belief = _goals(row)
-    position, momentum = (row.p_x, row.p_y, row.p_z), (row.m_x, row.m_y, row.m_z)
-    # The row's belief is the one after the tick's update, so nothing is learned once more.
-    explanation = evaluate(position, momentum, goals_m, belief, None, parameters)
-    chosen = index_of(action)
-    f1, f2 = entropy_weights(explanation.entropy, parameters.entropy_floor)
-    alpha = 0.0 if parameters.condition == "goal_oriented" else parameters.alpha
-    information, reward_m = float(explanation.information_gain[chosen]), float(explanation.hindsight_reward[chosen])
-    weighted = alpha * f1 * information, parameters.beta * f2 * reward_m
-    return Scores(information, reward_m, *weighted, score=sum(weighted))
-
-
-def explain_tick(row: TickRow, setup: TrialSetup, labels: Labels) -> TickExplanation:
-    """Everything about a tick that the experimenter's page shows."""
+def explain_tick(row: TickRow, told: Explanation, setup: TrialSetup, labels: Labels) -> TickExplanation:
+    """Everything about a tick that the experimenter's page shows; `told` is what the arbiter said of it."""
     places, belief = json.loads(row.goals), json.loads(row.belief)
+    action = _direction(row.action_x, row.action_y, row.action_z)
     goals = tuple(
         Goal(name, label_of(name, labels), _vector(places.get(name)), float(probability), name == row.goal)
         for name, probability in belief.items()
@@ -112,7 +81,7 @@ def explain_tick(row: TickRow, setup: TrialSetup, labels: Labels) -> TickExplana
         kind=row.kind,
         source=row.source,
         position_m=(row.p_x, row.p_y, row.p_z),
-        action=_direction(row.action_x, row.action_y, row.action_z),
+        action=action,
         user=_direction(row.user_x, row.user_y, row.user_z),
         gripper=row.gripper,
         held=row.held,
@@ -121,7 +90,7 @@ def explain_tick(row: TickRow, setup: TrialSetup, labels: Labels) -> TickExplana
         late_ms=row.late_ms,
         entropy=row.entropy,
         goals=goals,
-        scores=scores_of(row, setup.parameters),
+        explanation={} if action is None else dict(told),
     )
 
 
@@ -158,10 +127,10 @@ def plane_of(row: TickRow, setup: TrialSetup, labels: Labels, kind: PlaneKind) -
     gripper: Vector3 = (row.p_x, row.p_y, row.p_z)
     x_m, y_m = _axes(setup.cycles[0].scene, np.vstack([goals_m, gripper]))
     grid = np.array([(x, y, gripper[2]) for x in x_m for y in y_m])
-    parameters = setup.parameters
+    models = setup.models
     if kind == "information":
         values = information_gain_at(
-            grid, (0.0, 0.0, 0.0), goals_m, belief, parameters.transition, parameters.rationality_per_m
+            grid, (0.0, 0.0, 0.0), goals_m, belief, models.transition, models.rationality_per_m
         )
         caption = "Expected information gain (eq. 11) of watching the next user action at each place, from rest."
         unit = "of the whole uncertainty"

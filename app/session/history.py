@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import TypeVar
 
+from app.autonomy.interface import Explanation
 from study.records import EventRow, TickRow
 
 KEPT_TICKS = 120
@@ -14,7 +15,7 @@ KEPT_EVENTS = 50
 RATE_OVER_S = 5.0
 SHARE_OVER_TICKS = 20
 MAX_SIGNALS = 2000
-Row = TypeVar("Row", TickRow, EventRow)
+Row = TypeVar("Row")
 
 
 class History:
@@ -22,6 +23,7 @@ class History:
 
     Attributes:
         ticks: the last minute of the phase that runs.
+        explanations: what the arbiter said of each of them.
         events: the last events, whatever the phase.
         ticks_seen: how many ticks were ever added; who has seen `n` of them has missed the last `ticks_seen - n`.
         events_seen: the same for events.
@@ -29,14 +31,16 @@ class History:
 
     def __init__(self, events: Iterable[EventRow] = ()) -> None:
         self.ticks: deque[TickRow] = deque(maxlen=KEPT_TICKS)
+        self.explanations: deque[Explanation] = deque(maxlen=KEPT_TICKS)
         self.events: deque[EventRow] = deque(events, maxlen=KEPT_EVENTS)
         self.ticks_seen = 0
         self.events_seen = len(self.events)
         self._signals_s: deque[float] = deque(maxlen=MAX_SIGNALS)
 
-    def add_tick(self, row: TickRow) -> None:
+    def add_tick(self, row: TickRow, explanation: Explanation) -> None:
         """A tick is on disk."""
         self.ticks.append(row)
+        self.explanations.append(explanation)
         self.ticks_seen += 1
 
     def add_events(self, rows: Iterable[EventRow]) -> None:
@@ -48,6 +52,7 @@ class History:
     def forget_ticks(self) -> None:
         """The phase is over."""
         self.ticks.clear()
+        self.explanations.clear()
 
     def heard(self, now_s: float) -> None:
         """The page said what the hands do (an input or a heartbeat)."""
@@ -64,9 +69,9 @@ class History:
             return None
         return sum(1 for row in last if row.user_x is not None or row.gripper_input is not None) / len(last)
 
-    def ticks_since(self, seen: int) -> list[TickRow]:
-        """The ticks that came after the `seen`-th, as far as they are kept."""
-        return _last(self.ticks, self.ticks_seen - seen)
+    def ticks_since(self, seen: int) -> list[tuple[TickRow, Explanation]]:
+        """The ticks that came after the `seen`-th, as far as they are kept, with what the arbiter said of them."""
+        return _last(zip(self.ticks, self.explanations, strict=True), self.ticks_seen - seen)
 
     def events_since(self, seen: int) -> list[EventRow]:
         """The events that came after the `seen`-th, as far as they are kept."""

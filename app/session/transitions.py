@@ -213,7 +213,7 @@ class Transitions:
         else:
             await context.commit(batch)
             show_all()
-            context.history.add_tick(row)
+            context.history.add_tick(row, report.explanation)
         del context.noticed[: len(noticed)]
 
     async def _running_trial_done(self, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:

@@ -53,10 +53,12 @@ class Plan:
     seed: int
     robot: str = "kinematic"
     population: Population = field(default_factory=Population)
+    trust: bool = False
+    """Whether code that the study's text holds from files beside the study file may run."""
 
     def case(self, index: int) -> Case:
         """Participant `index`, from 0: orders in turn, so that every six fill the counterbalancing once."""
-        setup = setup_of(self.study_text)
+        setup = setup_of(self.study_text, self.trust)
         choices = orders(setup.study)
         return Case(setup, index, participant_seed(self.seed, index), choices[index % len(choices)], self.population)
 
@@ -69,25 +71,27 @@ class Plan:
         return {
             "seed": self.seed,
             "robot": self.robot,
-            "study": setup_of(self.study_text).study.hash,
+            "study": setup_of(self.study_text, self.trust).study.hash,
             "population": {"means": dict(self.population.means), "spread_scale": self.population.spread_scale},
             "schema_version": SCHEMA_VERSION,
         }
 
 
 @lru_cache(maxsize=64)
-def setup_of(study_text: str) -> StudySetup:
+def setup_of(study_text: str, trust: bool = False) -> StudySetup:
     """The study of that text, calibrated; once a process."""
-    return study_setup(parse_text(study_text, "the study simulated"))
+    return study_setup(parse_text(study_text, "the study simulated", trust), trust)
 
 
-def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None) -> Plan:
-    """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`."""
+def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None, trust: bool = False) -> Plan:
+    """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`, and
+    `PartError` for a part that cannot be used."""
     ROBOTS.place_of(robot)  # says which there are
     if not 0 <= seed <= MAX_SEED:
         raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
-    study: Study = changed_study(open_study(study_file), preset_changes(preset))
-    return Plan(study.source_text, seed, robot, fitted_population())
+    study: Study = changed_study(open_study(study_file, trust), preset_changes(preset), trust)
+    setup_of(study.source_text, trust)  # what cannot be used is told before any work
+    return Plan(study.source_text, seed, robot, fitted_population(), trust)
 
 
 def participant_seed(seed: int, index: int) -> int:
@@ -112,7 +116,7 @@ def simulate(plan: Plan, participants: int, workers: int, out_dir: Path, preset:
         "simulated": {"participants": participants, "preset": preset, **plan.settings()},
     }
     tables = {table: parts.rows(table, participants) for table in TABLES}
-    studies = {setup_of(plan.study_text).study.hash: plan.study_text}
+    studies = {setup_of(plan.study_text, plan.trust).study.hash: plan.study_text}
     counts = write_tables(out_dir, tables, studies=studies, meta=meta)
     parts.remove()
     return counts

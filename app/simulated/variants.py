@@ -30,7 +30,7 @@ Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""
 
 
-def changed_study(study: Study, changes: Changes) -> Study:
+def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
     """The study with those numbers or words in its file replaced. No change returns the study itself.
 
     Raises `StudyFileError` for a value the study file does not take.
@@ -41,7 +41,7 @@ def changed_study(study: Study, changes: Changes) -> Study:
             text = _replaced(text, section, key, value)
     if text == study.source_text:
         return study
-    return parse_text(text, "changed study")
+    return parse_text(text, "changed study", trust)
 
 
 def preset_changes(name: str | None) -> Changes:

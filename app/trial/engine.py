@@ -11,25 +11,30 @@ bit. A live session spreads a tick over half a second by calling `begin`, `advan
 A tick (paper IV-A):
 
     input ──► gripper button? ──► fingers move, motion pauses            source = gripper
-          ──► direction?      ──► belief update, robot follows           source = user
-          ──► nothing         ──► the condition's arbiter chooses        source = robot, or idle under teleoperation
+          ──► direction?      ──► inference, then the arbiter: follow    source = user
+          ──► nothing         ──► inference, then the arbiter: choose    source = robot, or idle if it never moves
+                                                                                  by itself
 
-The unit is the pick-and-place cycle. Each starts in a fresh physics world, so a cycle can be re-run from its first tick
-alone: `CycleStart` is all that has to be remembered.
+The unit is the pick-and-place cycle. Each starts in a fresh physics world and with a fresh arbiter and inference, which
+are given what they remember, so a cycle can be re-run from its first tick alone: `CycleStart` is all there is to keep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.autonomy.actions import Direction
-from app.autonomy.arbiter import choose
+import numpy as np
+from numpy.typing import NDArray
+
+from app.autonomy.actions import Direction, index_of
 from app.autonomy.belief import Belief
-from app.autonomy.transition import TransitionModel
+from app.autonomy.interface import Explanation, State
 from app.trial.goals import Goals, candidates, compact_json
 from app.trial.motion import motion_segments, unit_direction
+from app.trial.reasoning import Limit, Reasoning
 from app.trial.tasks import TaskProgress
 from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
 from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
@@ -78,11 +83,14 @@ class TrialEngine:
         setup: what the trial depends on.
     """
 
-    def __init__(self, setup: TrialSetup, robot: Robot, start: CycleStart | None = None) -> None:
+    def __init__(
+        self, setup: TrialSetup, robot: Robot, start: CycleStart | None = None, limit: Limit = nullcontext
+    ) -> None:
         self.setup = setup
         self.finished = False
         self._robot = robot
         self._start = start or CycleStart()
+        self._reasoning = Reasoning(setup, self._start, limit)
         self._tick = self._start.first_tick
         self._progress = TaskProgress(setup, self._start.cycle)
         self._delivered: dict[str, Pose] = dict(self._start.delivered)
@@ -167,10 +175,17 @@ class TrialEngine:
             ended=ended,
         )
 
+    def explain(self) -> Explanation:
+        """What spoke for the arm's last action, as the arbiter says it."""
+        return self._reasoning.explain()
+
     # ---- running ------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first."""
+        """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first.
+
+        Raises `app.trial.reasoning.PartFault` when inference or arbiter cannot be made.
+        """
         self._is_open = True
         self._enter_cycle(reset=self._start.first_tick > 0)
 
@@ -181,7 +196,10 @@ class TrialEngine:
         return self.end()
 
     def begin(self, user_input: UserInput) -> None:
-        """Take the input, update the belief, decide, and command the robot."""
+        """Take the input, update the belief, decide, and command the robot.
+
+        Raises `app.trial.reasoning.PartFault` before the robot is commanded; the engine is then to be made anew.
+        """
         if self.finished or self._pending is not None:
             raise RuntimeError("a tick cannot begin: " + ("the trial is over" if self.finished else "one is running"))
         if user_input.after_pause:
@@ -266,34 +284,42 @@ class TrialEngine:
 
     def _begin_motion(self, user_input: UserInput) -> _Tick:
         assert self._belief is not None
-        user, parameters = user_input.direction, self.setup.parameters
-        autonomous = user is None and parameters.condition != "teleoperation"
-        choice = choose(
-            self.world.position_world_gripper_m,
-            self._momentum,
-            self._goals.positions_m,
-            self._belief.probabilities,
-            user,
-            parameters,
-            self._feasible(parameters.transition) if autonomous else None,
+        user, model = user_input.direction, self.setup.models.transition
+        state = State(
+            position_m=self.world.position_world_gripper_m,
+            momentum=self._momentum,
+            goal_ids=self._goals.ids,
+            goals_m=self._goals.positions_m,
+            held=self.world.held,
+            tick=self._tick,
         )
-        action, source = choice.direction, "robot" if autonomous else "idle"
-        if user is not None:
-            self._belief, source = Belief(self._goals.ids, choice.posterior), "user"
-        segments = motion_segments(parameters.transition, self._momentum, action)
+        self._belief, action, alone = self._reasoning.decide(state, self._belief, user, self._feasible())
+        source = "user" if user is not None else "robot" if alone else "idle"
+        segments = motion_segments(model, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
         return _Tick(self._row(user_input, source, user, chosen, None), segments, verdict, action)
 
-    def _feasible(self, model: TransitionModel) -> Callable[[int], bool]:
-        """Whether the arm can do an action from here, and pushes nothing over."""
-        reach_m = self.setup.timing.speed_m_s * TICK_S
-        ways_m = reach_m / model.step_m * model.displacements(self._momentum)
-        pushes_nothing = clearance(self.world, self.scene)
+    def _feasible(self) -> Callable[[Direction], bool]:
+        """Whether the arm can do an action from here, and pushes nothing over. Worked out as far as it is asked."""
+        model = self.setup.models.transition
+        answers: dict[Direction, bool] = {}
+        ways_m: NDArray[np.float64] | None = None
+        pushes_nothing: Callable[[Vector3], bool] | None = None
 
-        def feasible(action: int) -> bool:
-            x_m, y_m, z_m = ways_m[action].tolist()
-            return pushes_nothing((x_m, y_m, z_m)) and bool(self._robot.feasible(ways_m[action : action + 1])[0])
+        def feasible(action: Direction) -> bool:
+            nonlocal ways_m, pushes_nothing
+            if action in answers:
+                return answers[action]
+            if ways_m is None or pushes_nothing is None:
+                reach_m = self.setup.timing.speed_m_s * TICK_S
+                ways_m = reach_m / model.step_m * model.displacements(self._momentum)
+                pushes_nothing = clearance(self.world, self.scene)
+            index = index_of(action)
+            x_m, y_m, z_m = ways_m[index].tolist()
+            clear = pushes_nothing((x_m, y_m, z_m)) and bool(self._robot.feasible(ways_m[index : index + 1])[0])
+            answers[action] = clear
+            return clear
 
         return feasible
 
@@ -425,7 +451,9 @@ class TrialEngine:
             self.finished = True
             return tuple(tasks), verdict, None
         progress.to_cycle(progress.cycle + 1)
-        start = CycleStart(progress.cycle, self._tick, tuple(self._delivered.items()))
+        inference_memory, arbiter_memory = self._reasoning.memories
+        delivered = tuple(self._delivered.items())
+        start = CycleStart(progress.cycle, self._tick, delivered, arbiter_memory, inference_memory)
         self._enter_cycle(reset=True)
         return tuple(tasks), verdict, start
 
@@ -439,5 +467,6 @@ class TrialEngine:
         self._settling_ticks = 0
         self._loose_ticks = 0
         self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
+        self._reasoning.begin_cycle()
         self._robot.reset(self.scene)
         self._world = self._robot.observe()

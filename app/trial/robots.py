@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.registry import Registry
+from study.parts.registry import Registry
 
 if TYPE_CHECKING:
     from sim.interface import Robot

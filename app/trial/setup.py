@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from app.autonomy.arbiter import ArbiterParameters, Condition
+from app.autonomy.arbiters.weighing import CALIBRATED
 from app.autonomy.calibration import Calibration, calibrate_alpha
 from app.autonomy.errors import AutonomyError
+from app.autonomy.interface import Arbiter, Models
 from app.autonomy.transition import TransitionModel
 from app.trial.labels import Labels
-from app.trial.values import CycleSetup, RobotTiming, TrialSetup
+from app.trial.parts import make_arbiter, make_inference, shelf
+from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
 from sim.layouts import LAYOUTS, Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from sim.objects import OBJECTS, PRACTICE_OBJECT
+from study.definition.named_parts import parameters_of
+from study.definition.part_fields import made, parameter_problems
+from study.definition.sections import MODEL_FIELDS, ArbiterSettings
 from study.definition.study import SessionPlan, Study
+from study.definition.toml_reader import spell
+from study.parts.code import Code
+from study.parts.errors import PartError
+from study.parts.shelf import Named, code_among
 from study.records import TrialRow
 
 CALIBRATION_SEED = 2020
@@ -26,41 +36,40 @@ CALIBRATION_SEED = 2020
 
 @dataclass(frozen=True)
 class StudySetup:
-    """A study file together with the world it runs in and the weight calibrated for it."""
+    """A study file together with the world it runs in, its parts, and the weight calibrated for it.
+
+    `arbiters` and `inferences` are those of each condition, by its id, with all they take.
+    """
 
     study: Study
     layout: Layout
     calibration: Calibration | None
+    arbiters: Mapping[str, Named]
+    inferences: Mapping[str, Named]
 
-    def parameters(self, condition_id: str) -> ArbiterParameters:
-        """The arbiter's parameters under one condition."""
-        condition, settings = self.study.condition(condition_id), self.study.arbiter
-        alpha = condition.alpha
-        if alpha == "calibrated":
-            assert self.calibration is not None
-            alpha = self.calibration.alpha
-        return ArbiterParameters(
-            condition=condition.arbiter,
-            alpha=float(alpha),
-            beta=condition.beta,
-            gamma=condition.gamma,
-            rationality_per_m=settings.rationality_per_m,
-            transition=TransitionModel(settings.transition, settings.step_m, settings.planning_delay),
-            entropy_floor=settings.entropy_floor,
-            stickiness=settings.stickiness,
-        )
+    def models(self, condition_id: str) -> Models:
+        """The models of the person and of the arm under one condition."""
+        condition = self.study.condition(condition_id)
+        chosen = {name: getattr(condition, name) for name in MODEL_FIELDS}
+        return _models(self.study.arbiter, {name: value for name, value in chosen.items() if value is not None})
 
-    def parameters_like(self, arbiter: Condition) -> ArbiterParameters:
-        """The parameters of the study's first condition with that arbiter; without one, the study's model with
-        the calibrated alpha. Raises `AutonomyError` when there is no alpha to take."""
+    def arbiter(self, condition_id: str) -> Arbiter:
+        """The arbiter of one condition, as it is before a trial."""
+        return make_arbiter(self.arbiters[condition_id], self.models(condition_id))
+
+    def arbiter_like(self, name: str) -> Arbiter:
+        """The arbiter of the study's first condition with an arbiter of that name; without one, a shipped one with the
+        study's model and its calibrated alpha. Raises `AutonomyError` when there is no alpha to take."""
         for condition in self.study.conditions:
-            if condition.arbiter == arbiter:
-                return self.parameters(condition.id)
-        if arbiter == "balanced" and self.calibration is None:
-            raise AutonomyError("alpha is missing; this study has no balanced condition to take it from")
-        like = self.parameters(self.study.conditions[0].id)
-        alpha = self.calibration.alpha if self.calibration and arbiter == "balanced" else 0.0
-        return replace(like, condition=arbiter, alpha=alpha)
+            if condition.arbiter == name:
+                return self.arbiter(condition.id)
+        models, settings = _models(self.study.arbiter, {}), self.study.arbiter
+        shared = {"entropy_floor": settings.entropy_floor, "stickiness": settings.stickiness}
+        if name == "balanced":
+            if self.calibration is None:
+                raise AutonomyError("alpha is missing; this study has no balanced condition to take it from")
+            shared["alpha"] = self.calibration.alpha
+        return make_arbiter(Named("arbiter", name, shared), models)
 
     def labels(self) -> Labels:
         """The words for everything that can be named in an instruction."""
@@ -93,7 +102,9 @@ class StudySetup:
             condition=drawn.condition,
             kind=kind,
             cycles=cycles,
-            parameters=self.parameters(drawn.condition),
+            arbiter=self.arbiters[drawn.condition],
+            inference=self.inferences[drawn.condition],
+            models=self.models(drawn.condition),
             timing=RobotTiming(
                 speed_m_s=settings.speed_m_s,
                 gripper_ticks=settings.gripper_ticks,
@@ -120,21 +131,66 @@ class StudySetup:
         )
 
     def parameters_json(self, condition_id: str) -> dict[str, Any]:
-        """Every parameter of the arbiter under one condition, for the record."""
-        parameters = self.parameters(condition_id)
-        fields = {name: value for name, value in vars(parameters).items() if name != "transition"}
-        return {**fields, "transition": vars(parameters.transition)}
+        """Every parameter of the arbiter under one condition, and the models it reasons with, for the record."""
+        arbiter, inference = self.arbiters[condition_id], self.inferences[condition_id]
+        models = self.models(condition_id)
+        weights = {name: arbiter.parameters[name] for name in _WEIGHTS if name in arbiter.parameters}
+        recorded = {
+            "condition": arbiter.name,
+            **weights,
+            "rationality_per_m": models.rationality_per_m,
+            **{name: value for name, value in arbiter.parameters.items() if name not in weights},
+            "transition": vars(models.transition),
+        }
+        if inference != BOLTZMANN:
+            recorded["inference"] = {"kind": inference.name, **inference.parameters}
+        return recorded
 
 
-def study_setup(study: Study) -> StudySetup:
-    """The study with its layout; alpha is calibrated if any condition asks for it (about a second)."""
-    layout = LAYOUTS[study.layout]
-    setup = StudySetup(study, layout, None)
-    if all(condition.alpha != "calibrated" for condition in study.conditions):
-        return setup
-    settings = study.arbiter
-    model = TransitionModel(settings.transition, settings.step_m, settings.planning_delay)
-    return replace(setup, calibration=_calibrate(setup, model))
+_WEIGHTS = ("alpha", "beta", "gamma")
+"""What stands first in the record."""
+
+
+def study_setup(study: Study, trust: bool = False) -> StudySetup:
+    """The study with its layout and parts; alpha is calibrated if any condition asks for it (about a second).
+
+    Raises `PartError` with one line for a part that cannot be used: code beside the study file that is not trusted, a
+    package that is not the one the study was made with, a class that is broken.
+    """
+    held, layout = shelf(trust), LAYOUTS[study.layout]
+    calibration: Calibration | None = None
+    arbiters, inferences = {}, {}
+    for condition in study.conditions:
+        code = code_among(study.codes, "arbiter", condition.arbiter)
+        kind = held.load("arbiter", condition.arbiter, code)
+        given = parameters_of(condition, study.arbiter, kind.Parameters)
+        if given.get("alpha") == CALIBRATED:
+            calibration = calibration or _calibrate(study, layout)
+            given = {**given, "alpha": calibration.alpha}
+        arbiters[condition.id] = _named("arbiter", condition.arbiter, kind, given, code)
+        chosen = condition.inference or study.inference
+        code = code_among(study.codes, "inference", chosen.kind)
+        kind = held.load("inference", chosen.kind, code)
+        inferences[condition.id] = _named("inference", chosen.kind, kind, chosen.parameters, code)
+    setup = StudySetup(study, layout, calibration, arbiters, inferences)
+    for condition in study.conditions:  # what cannot be made is told now, not in a trial
+        setup.arbiter(condition.id)
+        make_inference(setup.inferences[condition.id], setup.models(condition.id))
+    return setup
+
+
+def _named(kind: str, name: str, part: Any, given: Mapping[str, Any], code: Code | None) -> Named:
+    """The part with everything it takes, defaults included. Raises `PartError`."""
+    found = parameter_problems(part.Parameters, given)
+    if found:
+        raise PartError(f"{kind} {name!r}: {spell(found[0].path)}: {found[0].sentence}")
+    return Named(kind, name, asdict(made(part.Parameters, given)), code)
+
+
+def _models(settings: ArbiterSettings, instead: Mapping[str, Any]) -> Models:
+    chosen = {**{name: getattr(settings, name) for name in MODEL_FIELDS}, **instead}
+    model = TransitionModel(chosen["transition"], chosen["step_m"], chosen["planning_delay"])
+    return Models(chosen["rationality_per_m"], model)
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -147,16 +203,16 @@ def calibration_text(calibration: Calibration) -> str:
     )
 
 
-def _calibrate(setup: StudySetup, model: TransitionModel) -> Calibration:
+def _calibrate(study: Study, layout: Layout) -> Calibration:
     """Over the goals a participant can meet: all objects of the layout, fewer of them, and the bins."""
-    study, layout = setup.study, setup.layout
     scene = layout_scene(layout, study.objects, study.objects)
     grasps = np.array([_grasp(scene.object(name)) for name in study.objects])
     bins = np.array([item.release_world_m for item in layout.bins])
     goal_sets = [grasps, *(grasps[left_out:] for left_out in range(1, study.pickups_per_trial)), bins]
     low = grasps.min(axis=0) - 0.10
     high = np.maximum(grasps.max(axis=0), bins.max(axis=0)) + 0.05
-    return calibrate_alpha(goal_sets, (low, high), model, study.arbiter.rationality_per_m, CALIBRATION_SEED)
+    models = _models(study.arbiter, {})
+    return calibrate_alpha(goal_sets, (low, high), models.transition, models.rationality_per_m, CALIBRATION_SEED)
 
 
 def _grasp(placed: Any) -> tuple[float, float, float]:

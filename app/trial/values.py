@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from app.autonomy.actions import Direction
-from app.autonomy.arbiter import ArbiterParameters
+from app.autonomy.interface import Models
 from app.trial.verdicts import Verdict
 from sim.interface import Pose, SceneSpec, Vector3
+from study.parts.shelf import Named
 from study.records import TaskRow, TickRow
 
 PhaseKind = Literal["trial", "practice"]
@@ -28,6 +29,7 @@ class UserInput:
 
 
 NO_INPUT = UserInput()
+BOLTZMANN = Named("inference", "boltzmann", {})
 
 
 @dataclass(frozen=True)
@@ -59,17 +61,22 @@ class TrialSetup:
     condition: str
     kind: PhaseKind
     cycles: tuple[CycleSetup, ...]
-    parameters: ArbiterParameters
+    arbiter: Named
+    inference: Named = BOLTZMANN
+    models: Models = field(default_factory=Models)
     timing: RobotTiming = field(default_factory=RobotTiming)
 
 
 @dataclass(frozen=True)
 class CycleStart:
-    """Where to take a trial up again: the cycle (from 1), its first tick, and what lies in the bins already."""
+    """Where to take a trial up again: the cycle (from 1), its first tick, what lies in the bins already, and what the
+    arbiter and the inference remember, as JSON; "" before they were first made."""
 
     cycle: int = 1
     first_tick: int = 0
     delivered: tuple[tuple[str, Pose], ...] = ()
+    arbiter_memory: str = ""
+    inference_memory: str = ""
 
 
 @dataclass(frozen=True)
@@ -126,11 +133,17 @@ def inputs_of(row: TickRow) -> UserInput:
 def cycle_to_json(start: CycleStart) -> str:
     """The start of a cycle as one line of JSON."""
     delivered = [[name, pose.position_world_m, pose.quaternion_wxyz] for name, pose in start.delivered]
-    return json.dumps({"cycle": start.cycle, "first_tick": start.first_tick, "delivered": delivered})
+    fields = {"cycle": start.cycle, "first_tick": start.first_tick, "delivered": delivered}
+    memories = {name: getattr(start, name) for name in _MEMORIES if getattr(start, name) not in ("", "null")}
+    return json.dumps({**fields, **memories})
 
 
 def cycle_from_json(text: str) -> CycleStart:
     """The start of `cycle_to_json`."""
     fields: dict[str, Any] = json.loads(text)
     delivered = tuple((name, Pose(tuple(position), tuple(wxyz))) for name, position, wxyz in fields["delivered"])
-    return CycleStart(fields["cycle"], fields["first_tick"], delivered)
+    memories = {name: fields.get(name, "") for name in _MEMORIES}
+    return CycleStart(fields["cycle"], fields["first_tick"], delivered, **memories)
+
+
+_MEMORIES = ("arbiter_memory", "inference_memory")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,11 +11,17 @@ from fastapi import APIRouter, FastAPI
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
 
-from app.autonomy.actions import DIRECTIONS
-from app.autonomy.arbiter import ArbiterParameters, evaluate
+from app.autonomy.actions import DIRECTIONS, index_of
+from app.autonomy.arbiters.goal_oriented import GoalOriented
+from app.autonomy.arbiters.weighing import WeighingArbiter, Weights, WeightsWithoutInformation, number
+from app.autonomy.arrays import FloatArray
+from app.autonomy.belief import Belief
 from app.autonomy.errors import AutonomyError
+from app.autonomy.evaluation import evaluate, state_of
+from app.autonomy.interface import Arbiter, Models
 from app.trial.setup import StudySetup
 from app.web.access import RequestBody, TheLab, refusals
+from study.parts.errors import PartError
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
@@ -52,8 +58,9 @@ class EvaluateRequest(RequestBody):
     """Probability of each goal before this action, in the order of `goals_m`; left out, all are as likely."""
     user_action: tuple[Axis, Axis, Axis] | None = None
     """The person's input: x, y, z in the world frame, each -1, 0 or 1; left out, no input."""
-    condition: Literal["teleoperation", "goal_oriented", "balanced"] = "balanced"
-    """Whose weights count where none are given."""
+    condition: Annotated[str, Field(min_length=1, max_length=100)] = "balanced"
+    """Whose weights count where none are given, and who chooses: an arbiter by its name, one that ships or one of this
+    lab's study. Of one that weighs nothing, the weights are those of `goal_oriented`."""
     alpha: Weight | None = None
     """Weight of the expected information; left out, the study's, calibrated where it says so."""
     beta: Weight | None = None
@@ -95,10 +102,10 @@ class EvaluateReply(BaseModel):
 
 def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateReply:
     """`POST /api/arbiter/evaluate` as a function. Raises `AutonomyError` for values that do not fit together."""
-    parameters = _parameters(request, setup)
+    weighing, own = _arbiters(request, setup)
     prior = None if request.belief is None else np.array(request.belief)
     goals = np.array(request.goals_m)
-    result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, parameters)
+    result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, weighing)
     return EvaluateReply(
         actions=list(DIRECTIONS),
         likelihood=result.likelihood.tolist(),
@@ -107,24 +114,38 @@ def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateRep
         information_gain=result.information_gain.tolist(),
         hindsight_reward=result.hindsight_reward.tolist(),
         score=result.score.tolist(),
-        chosen=result.chosen,
-        alpha=parameters.alpha,
+        chosen=result.chosen if own is None else _chosen(own, request, result.posterior),
+        alpha=number(weighing.parameters.alpha),
     )
 
 
-def _parameters(request: EvaluateRequest, setup: StudySetup) -> ArbiterParameters:
-    """The request's weights and model, the study's where it names none."""
+def _arbiters(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingArbiter, Arbiter | None]:
+    """The arbiter whose weights count, with the request's numbers, and the one that chooses if it weighs nothing."""
     if request.condition == "goal_oriented" and request.alpha:
         raise AutonomyError(f"alpha is {request.alpha:g}; it must be 0 or left out with condition 'goal_oriented'")
-    usual = setup.parameters_like(request.condition)
-    alpha = request.alpha if request.alpha is not None else usual.alpha
-    named = request.model_dump(include={"beta", "gamma", "rationality_per_m"}, exclude_none=True)
+    try:
+        usual = setup.arbiter_like(request.condition)
+    except PartError as error:
+        raise AutonomyError(f"condition is {request.condition!r}: {error}") from None
+    weights = usual.parameters if isinstance(usual, WeighingArbiter) else WeightsWithoutInformation()
+    named = request.model_dump(include={"alpha", "beta", "gamma"}, exclude_none=True)
+    kind = type(usual) if isinstance(usual, WeighingArbiter) else GoalOriented
+    model = usual.models.transition
     model = replace(
-        usual.transition,
+        model,
         **request.model_dump(include={"step_m", "planning_delay"}, exclude_none=True),
-        kind=request.transition or usual.transition.kind,
+        kind=request.transition or model.kind,
     )
-    return replace(usual, alpha=alpha, transition=model, stickiness=0.0, **named)
+    models = Models(request.rationality_per_m or usual.models.rationality_per_m, model)
+    weighing = kind(Weights(**{**asdict(weights), "stickiness": 0.0, **named}), models)
+    return weighing, None if isinstance(usual, WeighingArbiter) else usual
+
+
+def _chosen(arbiter: Arbiter, request: EvaluateRequest, posterior: FloatArray) -> int:
+    """What an arbiter that weighs nothing does about the belief."""
+    state = state_of(request.position_m, request.momentum, request.goals_m)
+    user = None if request.user_action is None else DIRECTIONS[index_of(request.user_action)]
+    return index_of(arbiter.decide(state, Belief(state.goal_ids, posterior), user, lambda action: True))
 
 
 public = APIRouter(prefix="/api", tags=["open"])

@@ -241,14 +241,12 @@ class Stream:
             self._watched_live, self._fresh = live, True
         fresh, self._fresh = self._fresh, False
         history, setup = live.history, live.setup
-        rows = list(history.ticks) if fresh else history.ticks_since(self._ticks_seen)
+        rows = history.ticks_since(0 if fresh else self._ticks_seen)
         events = list(history.events) if fresh else history.events_since(self._events_seen)
         self._ticks_seen, self._events_seen = history.ticks_seen, history.events_seen
         explanations: list[TickExplanation] = []
         if setup is not None and rows:
-            # Off the loop: a minute of ticks is worth 120 evaluations.
-            labels = live.labels
-            explanations = await asyncio.to_thread(lambda: [explain_tick(row, setup, labels) for row in rows])
+            explanations = [explain_tick(row, told, setup, live.labels) for row, told in rows]
         if fresh or explanations or events:
             await self._send_news(participant, fresh, explanations, events)
 

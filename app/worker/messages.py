@@ -7,9 +7,10 @@ same worker could run on another machine.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from app.autonomy.interface import Explanation
 from app.config import Pace
 from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
@@ -114,6 +115,8 @@ class Ticked:
     started_unix_s: float
     late_ms: float | None
     missed: int
+    explanation: Explanation = field(default_factory=dict)
+    """What the arbiter says of its action; empty where it chose none."""
 
     @property
     def overrun(self) -> bool:
@@ -136,10 +139,19 @@ class SpectatorPort:
 
 
 @dataclass(frozen=True)
+class PartFailed:
+    """The trial's arbiter or inference did what cannot be used (`part`, `reason`). The tick it was asked for did not
+    happen; the worker ends."""
+
+    part: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class Failed:
     """The worker cannot go on; it ends."""
 
     reason: str
 
 
-WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | Failed
+WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | PartFailed | Failed

@@ -1,13 +1,15 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
     commands ──► Worker ──► reports
-    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Failed
+    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, PartFailed, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
 after each, and the result goes out after the last. When the page has not been heard of for `heartbeat_timeout_s`, no
 tick starts (the robot is held) until it is heard of again.
 
 Lockstep: each `ControlsState` message that is not a heartbeat runs one tick at once. The code that runs is the same.
+
+An arbiter or an inference that cannot be used ends the worker before the robot has moved; the lab is told why.
 
 A crash in here costs the session a second and no data: the lab starts another worker, which re-runs the current cycle
 from the log.
@@ -24,6 +26,7 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
 from app.trial.engine import TrialEngine
+from app.trial.reasoning import PartFault
 from app.trial.robots import make_robot, make_scene, make_spectator_view
 from app.trial.values import TickResult, UserInput
 from app.trial.verdicts import release_points
@@ -34,6 +37,7 @@ from app.worker.messages import (
     Failed,
     Hold,
     HoldChanged,
+    PartFailed,
     Ready,
     SetView,
     Spectate,
@@ -46,6 +50,7 @@ from app.worker.messages import (
 )
 from app.worker.pacer import Deadline, Pacer
 from app.worker.spectator_view import OnDemandView
+from app.worker.time_limit import TimeLimit
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 
 if TYPE_CHECKING:
@@ -71,9 +76,14 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
                 open_parts.callback(scene.close)
                 spectator_view = OnDemandView(lambda: make_spectator_view(scene))
                 open_parts.callback(spectator_view.close)
-            Worker(connection, spec, TrialEngine(spec.setup, robot, spec.start), scene, spectator_view).serve()
+            engine = TrialEngine(spec.setup, robot, spec.start, limit=TimeLimit)
+            Worker(connection, spec, engine, scene, spectator_view).serve()
         except (EOFError, BrokenPipeError, ConnectionResetError):
             pass  # the lab is gone: nothing is left to serve
+        except PartFault as fault:
+            log.warning("%s: %s", spec.setup.participant, fault, exc_info=fault.__cause__)
+            with suppress(OSError):
+                connection.send(PartFailed(fault.part, fault.reason))
         except Exception as error:
             with suppress(OSError):
                 connection.send(Failed(f"{type(error).__name__}: {error}"))
@@ -174,7 +184,8 @@ class Worker:
         started_unix_s = time.time()
         result = self._engine.tick(self._take_input(time.monotonic()))
         self._draw()
-        self._connection.send(Ticked(result, self._world_in_numbers(), self._latch.seq, started_unix_s, None, 0))
+        told = self._engine.explain()
+        self._connection.send(Ticked(result, self._world_in_numbers(), self._latch.seq, started_unix_s, None, 0, told))
 
     def _pace(self) -> None:
         """Wait for the next deadline and run its tick, if the page is there."""
@@ -211,7 +222,8 @@ class Worker:
             self._tend_spectator_view()
         result = self._engine.end()
         late_ms = deadline.late_s * 1000.0
-        self._connection.send(Ticked(result, self._world_in_numbers(), seq, started_unix_s, late_ms, deadline.missed))
+        world, told = self._world_in_numbers(), self._engine.explain()
+        self._connection.send(Ticked(result, world, seq, started_unix_s, late_ms, deadline.missed, told))
         self._draw(ended=result)
 
     def _tend_spectator_view(self) -> None:

@@ -40,12 +40,6 @@ def cross_problems(
     pickups = data.get("pickups_per_trial", 3)
     if isinstance(pickups, int) and chosen and pickups > chosen:
         yield Problem(("pickups_per_trial",), f"must be at most {chosen}, the number of objects")
-    for number, condition in _tables(data.get("conditions")):
-        arbiter, alpha = condition.get("arbiter"), condition.get("alpha", 0.0)
-        if arbiter == "balanced" and "alpha" not in condition:
-            yield Problem(("conditions", number, "alpha"), 'missing; must be a number or "calibrated"')
-        if arbiter in ("goal_oriented", "teleoperation") and alpha != 0:
-            yield Problem(("conditions", number, "alpha"), f"must be 0 (or left out) with arbiter {arbiter!r}")
     instructions = data.get("instructions")
     questions = instructions.get("questions") if isinstance(instructions, dict) else None
     texts = data.get("texts")

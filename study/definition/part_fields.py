@@ -86,8 +86,10 @@ def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Par
         made(parameters, data, base)
     except WrongParameter as wrong:
         return (Problem((wrong.field,), wrong.sentence),)
-    except (TypeError, ValueError) as error:
-        return (Problem((), str(error)),)
+    except (TypeError, ValueError) as error:  # "alpha is 3.0; it must be 0": the field comes first, if it is about one
+        field, _, rest = str(error).partition(" is ")
+        about = field in {item.name for item in dataclasses.fields(parameters)}
+        return (Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), str(error)),)
     return ()
 
 
@@ -97,6 +99,11 @@ def made(parameters: type[Parameters], data: Mapping[str, Any], base: type[Part]
     checked = model.model_validate(data)
     own = [field.name for field in dataclasses.fields(parameters) if field.init]  # type: ignore[arg-type]
     return parameters(**{name: getattr(checked, name) for name in own})
+
+
+def field_names(parameters: type) -> frozenset[str]:
+    """What these parameters are called in a study file. Raises as `model_of`."""
+    return frozenset(model_of(parameters).model_fields)
 
 
 def _default(field: dataclasses.Field[Any]) -> Any:

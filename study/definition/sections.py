@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated, Literal, Union
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import ConfigDict, Field
 
-from study.definition.field_types import Flag, Identifier, Link, Paragraphs, ParameterName, Part, Text, number
-
-
-def _calibrated_or_number(value: object) -> object:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if value == "calibrated" or (is_number and 0 <= float(value) < float("inf")):  # type: ignore[arg-type]
-        return value
-    raise PydanticCustomError("alpha", 'must be a number at least 0, or "calibrated"')
-
-
-Alpha = Annotated[Union[float, Literal["calibrated"]], BeforeValidator(_calibrated_or_number)]  # noqa: UP007
+from study.definition.field_types import Flag, Identifier, Link, Paragraphs, ParameterName, Part, PartName, Text, number
+from study.parts.code import Code
 
 
 class Option(Part):
@@ -109,16 +99,49 @@ class Texts(Part):
     """The last page of who was screened out."""
 
 
+class InferenceSettings(Part):
+    """How the goal is inferred from what the person does, with what the inference takes beside `kind`."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    kind: PartName = "boltzmann"
+    """The paper's, one that an installed package registers, or `file.py:Class` beside the study file."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the inference takes, as the file says it."""
+        return dict(self.model_extra or {})
+
+
 class Condition(Part):
-    """One way the robot assists. `alpha` weighs information, `beta` goals, `gamma` the person (paper III-F)."""
+    """One way the robot assists. What the arbiter takes stands beside these fields; what is left out is as in
+    `[arbiter]`, and after that as the arbiter has it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
 
     id: Identifier
     """Its name in the data."""
-    arbiter: Literal["teleoperation", "goal_oriented", "balanced"]
-    alpha: Alpha = 0.0
-    beta: float = number(default=1.0, ge=0.0)
-    """Weight of getting closer to the goals."""
-    gamma: float = number(default=1e6, ge=0.0)
+    arbiter: PartName
+    """One that ships, one that an installed package registers, or `file.py:Class` beside the study file."""
+    inference: InferenceSettings | None = None
+    """How the goal is inferred under this condition, if not as in `[inference]`."""
+    rationality_per_m: float | None = number(default=None, gt=0.0, le=1000.0)
+    """As in `[arbiter]`, for this condition alone."""
+    step_m: float | None = number(default=None, gt=0.0, le=0.2)
+    """As in `[arbiter]`, for this condition alone."""
+    planning_delay: float | None = number(default=None, ge=0.0, le=1.0)
+    """As in `[arbiter]`, for this condition alone; the arm moves so, too."""
+    transition: Literal["mix", "replan"] | None = None
+    """As in `[arbiter]`, for this condition alone; the arm moves so, too."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the arbiter takes, as the file says it."""
+        return dict(self.model_extra or {})
+
+
+MODEL_FIELDS = ("rationality_per_m", "step_m", "planning_delay", "transition")
+"""Of `[arbiter]`: the models of the person and of the arm, which every condition has."""
 
 
 class ArbiterSettings(Part):
@@ -163,6 +186,28 @@ class DistractorSettings(Part):
     """How many digits a reading has."""
     decimals: int = number(default=1, ge=0, le=4)
     """How many of the digits stand after the point."""
+
+
+class CodeText(Part):
+    """The source of a part that does not ship with the lab; the lab writes it into the study's text."""
+
+    kind: Identifier
+    """What it is, such as arbiter."""
+    name: PartName
+    """What the study calls it."""
+    package: str = ""
+    """The installed package it is from; empty for a file beside the study file."""
+    version: str = ""
+    """Of the package."""
+    sha256: str
+    """Of all its files."""
+    files: dict[str, str]
+    """Text by file name."""
+
+    @property
+    def code(self) -> Code:
+        """As a value."""
+        return Code(self.kind, self.name, self.sha256, self.files, self.package, self.version)
 
 
 class QualityRules(Part):

@@ -23,14 +23,17 @@ from pydantic import Field
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.checks import cross_problems
 from study.definition.field_types import Flag, Identifier, Part, Text, number
+from study.definition.named_parts import part_problems, sources_beside
 from study.definition.questionnaires import Questionnaire, as_tables, file_problems, own_ids
 from study.definition.sections import (
     ArbiterSettings,
+    CodeText,
     Condition,
     Consent,
     DemographicItem,
     DistractorSettings,
     Eligibility,
+    InferenceSettings,
     Instructions,
     QualityRules,
     Recruitment,
@@ -38,6 +41,8 @@ from study.definition.sections import (
     Texts,
 )
 from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
+from study.parts.code import Code
+from study.parts.shelf import Shelf
 from study.records import TICK_S, StudyError
 
 __all__ = [
@@ -92,11 +97,15 @@ class Study(Part):
     texts: Texts
     conditions: Annotated[tuple[Condition, ...], Field(min_length=1)]
     arbiter: ArbiterSettings = ArbiterSettings()
+    inference: InferenceSettings = InferenceSettings()
     robot: RobotSettings = RobotSettings()
     distractor: DistractorSettings = DistractorSettings()
     quality: QualityRules = QualityRules()
     eligibility: Eligibility = Eligibility()
     recruitment: Recruitment = Recruitment()
+    code: tuple[CodeText, ...] = ()
+    """Sources of the arbiters and other parts that do not ship with the lab. The lab writes them; a file that holds
+    them needs no other file and no other version of a package."""
 
     hash: str = Field(default="", exclude=True)
     """SHA-256 of `source_text`: the file's bytes, when it has no questionnaires in files beside it."""
@@ -107,6 +116,11 @@ class Study(Part):
     def condition_ids(self) -> tuple[str, ...]:
         """Condition ids in the order of the file."""
         return tuple(condition.id for condition in self.conditions)
+
+    @property
+    def codes(self) -> tuple[Code, ...]:
+        """The sources of the parts that do not ship with the lab."""
+        return tuple(text.code for text in self.code)
 
     @property
     def instruments(self) -> tuple[Instrument, ...]:
@@ -144,33 +158,41 @@ def load_study(
     layouts: Collection[str],
     objects: Collection[str],
     bins: Collection[str] | None = None,
+    shelf: Shelf | None = None,
 ) -> Study:
     """Read a study file; None means the paper's study.
 
-    Questionnaires in files beside it become a part of its text. `layouts`, `objects` and `bins` are the ids the
+    Questionnaires in files beside it become a part of its text, and so does the source of every part it names that does
+    not ship (`shelf` knows which do; without one, parts are not looked at). Code beside the file runs only if the shelf
+    trusts it. `layouts`, `objects` and `bins` are the ids the
     simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
     `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
     source = _read(file)
-    data, _ = parse_toml(source, str(file))
+    data, text = parse_toml(source, str(file))
     named = data.get("surveys")
     names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
     added: list[str] = []
     problems: list[str] = []
+    if shelf is not None:
+        codes, found_wrong = sources_beside(data, file.parent, shelf)
+        added += [code.as_table() for code in codes]
+        if found_wrong:
+            problems += report(str(file), text, data, found_wrong).problems
     for name in dict.fromkeys(names):
         if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
         if not beside.is_file():
             continue
-        found = file_problems(text := _read(beside), str(beside))
+        found = file_problems(form := _read(beside), str(beside))
         problems += found
-        added.append(as_tables(name, text) if not found else _PLACEHOLDER.format(name=name))
+        added.append(as_tables(name, form) if not found else _PLACEHOLDER.format(name=name))
     if added:
-        source = b"".join([source.rstrip(b"\n"), b"\n", *(text.encode() for text in added)])
+        source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
     try:
-        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins)
+        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins, shelf=shelf)
     except StudyFileError as error:
         raise StudyFileError([*error.problems, *problems]) from None
     if problems:
@@ -204,6 +226,7 @@ def parse_study(
     layouts: Collection[str],
     objects: Collection[str],
     bins: Collection[str] | None = None,
+    shelf: Shelf | None = None,
 ) -> Study:
     """A study from the text of its file; as `load_study`."""
     raw = source.encode() if isinstance(source, str) else source
@@ -212,6 +235,8 @@ def parse_study(
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
     wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins)]
+    if shelf is not None:
+        wrong += part_problems(data, shelf)
     if wrong:
         raise report(name, text, data, wrong)
     return Study.model_validate(

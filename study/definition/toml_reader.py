@@ -199,6 +199,8 @@ def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: 
     if kind == "string_too_short":
         return Problem(path, "must not be empty")
     if kind == "string_pattern_mismatch":
+        if ":" in context["pattern"].replace("?:", ""):
+            return Problem(path, "must be a name, or file.py:Class for one in a file beside this one")
         has_capitals = "A-Z" in context["pattern"]
         return Problem(path, f"must be {'' if has_capitals else 'lower-case '}letters, digits and '_'")
     if kind == "finite_number" or kind.startswith(("greater_than", "less_than")):
@@ -213,6 +215,9 @@ def _expected(model: type[pydantic.BaseModel], path: FieldPath) -> str:
     field = _field_at(model, path)
     if field is None:
         return "must be a text" if path and isinstance(path[-1], int) else "must be given"
+    extra = field.json_schema_extra
+    if isinstance(extra, dict) and "expected" in extra:
+        return f"must be {extra['expected']}"
     literals = _literals(model, path)
     if literals:
         return f"must be one of: {', '.join(literals)}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import LabError
-from app.registry import Registry
+from study.parts.registry import Registry
 from app.trial.robots import ROBOTS, make_robot
 from app.worker.process import warm_up, worker_context
 from tests.support.outside_package import ROBOT, install

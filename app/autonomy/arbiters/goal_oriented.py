@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 from app.autonomy.actions import DIRECTIONS, Direction
 from app.autonomy.arbiters.weighing import WeighingArbiter, WeightsWithoutInformation
 from app.autonomy.belief import Belief
@@ -11,7 +13,7 @@ from app.autonomy.interface import Feasible, State
 class GoalOriented(WeighingArbiter):
     """u* = argmax_u  beta f2(H) R_HO(x, u) + gamma D(u)."""
 
-    Parameters = WeightsWithoutInformation
+    Parameters: ClassVar[type[Any]] = WeightsWithoutInformation
 
     def decide(self, state: State, belief: Belief, user: Direction | None, feasible: Feasible) -> Direction:
         return DIRECTIONS[self.weighing(state, belief, user).best(feasible)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from app.autonomy.actions import Direction
 from app.autonomy.arbiters.weighing import WeighingArbiter, WeightsWithoutInformation
@@ -13,7 +13,7 @@ from app.autonomy.interface import Feasible, State
 class Teleoperation(WeighingArbiter):
     """u* = u_H. The weights only tell what the sum would have said."""
 
-    Parameters = WeightsWithoutInformation
+    Parameters: ClassVar[type[Any]] = WeightsWithoutInformation
     moves_by_itself: ClassVar[bool] = False
 
     def decide(self, state: State, belief: Belief, user: Direction | None, feasible: Feasible) -> Direction:

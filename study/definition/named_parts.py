@@ -1,0 +1,154 @@
+"""The exchangeable parts a study file names: arbiters, inferences, distractors. Which they are, what they take, and the
+source of those that do not ship with the lab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from study.definition.field_types import Part
+from study.definition.part_fields import field_names, parameter_problems
+from study.definition.sections import MODEL_FIELDS, ArbiterSettings, CodeText, Condition, InferenceSettings
+from study.definition.toml_reader import FieldPath, Problem, choices_sentence, model_problems
+from study.parts.code import Code, is_file, sha256_of
+from study.parts.errors import PartError
+from study.parts.shelf import Shelf, code_among
+from study.records import StudyError
+
+_NAMED: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("inference", ("inference", "kind")),
+    ("distractor", ("distractor", "kind")),
+)
+
+
+def named_parts(data: Mapping[str, Any]) -> Iterator[tuple[str, str, FieldPath]]:
+    """(kind, name, place in the file) of every part that the unchecked data of a study file names."""
+    conditions = data.get("conditions")
+    for number, condition in enumerate(conditions if isinstance(conditions, list) else []):
+        if isinstance(condition, Mapping):
+            place: FieldPath = ("conditions", number)
+            yield from _named(condition, ("arbiter",), "arbiter", place)
+            yield from _named(condition, ("inference", "kind"), "inference", place)
+    for kind, path in _NAMED:
+        yield from _named(data, path, kind, ())
+
+
+def _named(data: Mapping[str, Any], path: tuple[str, ...], kind: str, place: FieldPath) -> Iterator[Any]:
+    value: Any = data
+    for key in path:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    if isinstance(value, str):
+        yield kind, value, (*place, *path)
+
+
+def sources_beside(data: Mapping[str, Any], folder: Path, shelf: Shelf) -> tuple[list[Code], list[Problem]]:
+    """The source of every part that does not ship and that the data do not hold yet. Nothing of it runs."""
+    held = {(code.kind, code.name) for code in codes_of(data)}
+    found: dict[tuple[str, str], Code] = {}
+    problems = []
+    for kind, name, path in named_parts(data):
+        if (kind, name) in held or (kind, name) in found:
+            continue
+        try:
+            code = shelf.code_of(kind, name, folder)
+        except PartError as error:
+            problems.append(Problem(path, str(error)))
+            continue
+        if code is not None:
+            found[kind, name] = code
+    return list(found.values()), problems
+
+
+def codes_of(data: Mapping[str, Any]) -> tuple[Code, ...]:
+    """The sources that the unchecked data hold; what cannot be read is left out."""
+    entries = data.get("code")
+    tables = [entry for entry in (entries if isinstance(entries, list) else []) if isinstance(entry, Mapping)]
+    return tuple(CodeText.model_validate(table).code for table in tables if not model_problems(CodeText, table))
+
+
+def part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
+    """Parts that are unknown or broken, and what they take that they cannot.
+
+    What may not run (see `Shelf`) is not loaded, and what it takes is not looked at.
+    """
+    codes = codes_of(data)
+    for number, code in enumerate(codes):
+        if code.is_beside and sha256_of(code.files) != code.sha256:
+            yield Problem(("code", number, "sha256"), "is not the hash of these files")
+    shared = data.get("arbiter")
+    shared = shared if isinstance(shared, Mapping) else {}
+    conditions = data.get("conditions")
+    for number, condition in enumerate(conditions if isinstance(conditions, list) else []):
+        if not isinstance(condition, Mapping):
+            continue
+        place: FieldPath = ("conditions", number)
+        yield from _taken("arbiter", condition.get("arbiter"), condition, place, "arbiter", shelf, codes, shared)
+        inference = condition.get("inference")
+        if isinstance(inference, Mapping):
+            yield from _inference_problems(inference, (*place, "inference"), shelf, codes)
+    inference = data.get("inference")
+    if isinstance(inference, Mapping):
+        yield from _inference_problems(inference, ("inference",), shelf, codes)
+
+
+def _inference_problems(
+    table: Mapping[str, Any], place: FieldPath, shelf: Shelf, codes: Sequence[Code]
+) -> Iterator[Problem]:
+    kind = table.get("kind", InferenceSettings().kind)
+    yield from _taken("inference", kind, table, place, "kind", shelf, codes, {})
+
+
+def _taken(
+    kind: str,
+    name: object,
+    table: Mapping[str, Any],
+    place: FieldPath,
+    key: str,
+    shelf: Shelf,
+    codes: Sequence[Code],
+    shared: Mapping[str, Any],
+) -> Iterator[Problem]:
+    """What is wrong with the part that a table names, and with what the table says it takes."""
+    if not isinstance(name, str):
+        return
+    code = code_among(codes, kind, name)
+    known = shelf.registries[kind].names
+    if code is None and not is_file(name) and name not in known:
+        hint = ", or your own as file.py:Class in a file beside this one" if kind != "distractor" else ""
+        yield Problem((*place, key), choices_sentence(name, known, f"{kind}s") + hint)
+        return
+    if not shelf.may_run(code):
+        return
+    try:
+        parameters = shelf.load(kind, name, code).Parameters
+        usual = {name: value for name, value in shared.items() if name in field_names(parameters)}
+        found = parameter_problems(parameters, {**usual, **table}, _BASES[kind])
+    except PartError as error:
+        yield Problem((*place, key), str(error))
+        return
+    except StudyError as error:
+        yield Problem((*place, key), f"its parameters cannot be used: {error}")
+        return
+    for problem in found:
+        if not (problem.path and problem.path[0] in _BASES[kind].model_fields):  # told with the file's own fields
+            yield Problem((*place, *problem.path), problem.sentence)
+
+
+class _ConditionFields(Condition):
+    model_config = Part.model_config
+
+
+class _InferenceFields(InferenceSettings):
+    model_config = Part.model_config
+
+
+_BASES: Mapping[str, type[Part]] = {"arbiter": _ConditionFields, "inference": _InferenceFields}
+
+
+def parameters_of(condition: Condition, settings: ArbiterSettings, parameters: type) -> dict[str, Any]:
+    """What an arbiter takes under a condition: the condition's own, then those of `[arbiter]` it knows by name."""
+    known = field_names(parameters)
+    usual = settings.model_dump(exclude=set(MODEL_FIELDS))
+    shared = {name: value for name, value in usual.items() if name in known}
+    return {**shared, **condition.parameters}

@@ -1,0 +1,123 @@
+"""Parts by their names: those that ship with the lab, and those that another installed package brings.
+
+A package registers a part under an entry point of the registry's group, so that nothing of the lab is edited:
+
+    [project.entry-points."salab.robots"]
+    two_finger = "my_robots.two_finger:TwoFingerRobot"
+
+Names are looked up without importing what they name: the process that serves pages must never load physics.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from study.parts.errors import PartError
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A part that an installed package brings: where it is, and which package and version that is."""
+
+    place: str
+    package: str
+    version: str
+
+
+@dataclass(frozen=True)
+class Registry:
+    """One kind of part.
+
+    `noun` is what errors call it, `group` the group of entry points, `shipped` maps a name to `module:Class`, `methods`
+    are what a class must have to be one, and `base` the class it must be derived from, if any (`module:Class`).
+    """
+
+    noun: str
+    group: str
+    shipped: Mapping[str, str]
+    methods: tuple[str, ...]
+    base: str | None = None
+
+    @cached_property
+    def registered(self) -> Mapping[str, Registered]:
+        """The parts of other packages, by name.
+
+        Raises `PartError` when a package registers a name that is taken: nobody could say which one ran.
+        """
+        from importlib.metadata import entry_points  # takes a while, and most names are shipped ones
+
+        found: dict[str, Registered] = {}
+        for point in sorted(entry_points(group=self.group), key=lambda point: point.name):
+            taken = self.shipped.get(point.name) or (point.name in found and found[point.name].place)
+            if taken:
+                source = point.dist.name if point.dist else point.value
+                raise PartError(
+                    f"{source} registers {self.noun} {point.name!r}, which is {taken} already; "
+                    "rename it there, or uninstall one of the two"
+                )
+            package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+            found[point.name] = Registered(point.value, package, version)
+        return found
+
+    @cached_property
+    def places(self) -> Mapping[str, str]:
+        """Name to `module:Class`: the shipped ones first, then the others by name. Raises as `registered`."""
+        return {**self.shipped, **{name: found.place for name, found in self.registered.items()}}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name there is."""
+        return tuple(self.places)
+
+    def place_of(self, name: str) -> str:
+        """Where a name leads, as `module:Class`. Raises `PartError` that names the ones there are."""
+        found = self.shipped.get(name) or self.places.get(name)
+        if found is None:
+            raise PartError(f"no {self.noun} {name!r}; {self.noun}s are {', '.join(self.names)}")
+        return found
+
+    def module_of(self, name: str) -> str:
+        """The module a name leads to. Raises `PartError` as `place_of`."""
+        return self.place_of(name).partition(":")[0]
+
+    def load(self, name: str) -> Any:
+        """The class of that name, imported now.
+
+        Raises `PartError` with one line: for an unknown name, a module that cannot be imported, a class that is not
+        there or lacks a method.
+        """
+        place = self.place_of(name)
+        module, _, attribute = place.partition(":")
+        called = f"{self.noun} {name!r} ({place})"
+        try:
+            loaded = getattr(importlib.import_module(module), attribute)
+        except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
+            raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {_one_line(error)}") from error
+        self.check(loaded, called)
+        return loaded
+
+    def check(self, loaded: Any, called: str) -> None:
+        """Raises `PartError` unless this class can be a part of this kind; `called` is what the error calls it."""
+        if not self.methods:
+            return
+        # What a base class declares but nobody has written is not there.
+        open_ends: frozenset[str] = getattr(loaded, "__abstractmethods__", frozenset())
+        lacking = [
+            method for method in self.methods if method in open_ends or not callable(getattr(loaded, method, None))
+        ]
+        if lacking:
+            raise PartError(f"{called} lacks {', '.join(lacking)}; it must have {', '.join(self.methods)}")
+        if self.base is not None:
+            module, _, attribute = self.base.partition(":")
+            base = getattr(importlib.import_module(module), attribute)
+            if not (inspect.isclass(loaded) and issubclass(loaded, base)):
+                raise PartError(f"{called} must be a class derived from {module}.{attribute}")
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
