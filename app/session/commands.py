@@ -104,7 +104,7 @@ def _pause(now: Circumstances) -> str:
 def _resume(now: Circumstances) -> str:
     if now.session.state != "paused":
         return "The session is not paused."
-    if "experimenter" not in now.session.causes:
+    if not now.session.causes & {"experimenter", "fault"}:
         return "The participant's connection was lost: they press Go on themselves."
     return ""
 

@@ -218,16 +218,16 @@ def _ended(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _paused(session: Session, context: PageContext) -> dict[str, Any]:
-    by_experimenter = "experimenter" in session.causes
-    text = (
-        "The experimenter has paused the session. It goes on when they say so."
-        if by_experimenter
-        else "The connection was lost and the robot stopped. Go on when you are ready."
-    )
+    if "experimenter" in session.causes:
+        text = "The experimenter has paused the session. It goes on when they say so."
+    elif "fault" in session.causes:
+        text = "Something in the lab did not work and the robot stopped. Nothing you did is lost. Please try to go on."
+    else:
+        text = "The connection was lost and the robot stopped. Go on when you are ready."
     return {
         **(_driving(session, context) if session.worker else {}),
         "causes": sorted(session.causes),
-        "can_resume": "connection" in session.causes,
+        "can_resume": bool(session.causes & {"connection", "fault"}),
         "text": text,
     }
 

@@ -12,7 +12,7 @@ from typing import Literal
 from app.session import pages
 from app.session.context import SessionContext
 from app.trial.values import CycleStart, cycle_from_json
-from app.worker.messages import Begin, Failed, Hold, HoldChanged, Ready, SpectatorPort, Ticked, WorkerReport
+from app.worker.messages import Begin, Failed, Hold, HoldChanged, PartFailed, Ready, SpectatorPort, Ticked, WorkerReport
 from study.definition.study import reading
 from study.flow import protocol
 from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
@@ -138,6 +138,10 @@ class Transitions:
             context.connections.show_status(context.status())
         elif isinstance(report, SpectatorPort):
             context.spectators.told(report.port)
+        elif isinstance(report, PartFailed):
+            link.faulted = True
+            event = context.event("part_failed", "robot", {"part": report.part, "reason": report.reason})
+            await self.advance(Event("part_failed", f"{report.part} {report.reason}"), Batch(events=(event,)))
         elif isinstance(report, Failed):
             await context.commit(Batch(events=(context.event("worker_failed", "lab", {"reason": report.reason}),)))
 
@@ -152,6 +156,9 @@ class Transitions:
         context, link = self._context, self._context.link
         if epoch != link.epoch or not link.is_up:
             return
+        if link.faulted:
+            await self._after_fault()
+            return
         link.lost()
         event = context.event("worker_lost", "lab", {"restarts": link.restarts})
         needed = context.session.worker
@@ -161,6 +168,15 @@ class Transitions:
         await context.commit(Batch(events=(event,)))
         context.connections.show_status(context.status())
         await link.start(*needed)
+
+    async def _after_fault(self) -> None:
+        """The worker ended because of its arbiter, and said so. Another one stands by for whoever lets the session go
+        on, unless the record itself cannot be re-run: then the next one is started by them."""
+        link, was_ready = self._context.link, self._context.link.ready
+        link.lost()
+        link.restarts = 0
+        if was_ready and self._context.session.worker:
+            await link.start(*self._context.session.worker)
 
     async def _on_ready(self, report: Ready) -> None:
         context, link = self._context, self._context.link

@@ -23,6 +23,7 @@ class WorkerLink:
         epoch: number of the present worker; what arrives with another number is of one that was stopped.
         ready: its world stands, and it takes commands.
         held: it waits for the page's heartbeat.
+        faulted: it ends because of its arbiter or inference, and has said so.
         restarts: how many workers of this practice or trial ended by themselves.
         scene_port: port of its viser server on loopback, if it has a scene.
         spectator_port: port of the experimenters' viser server, while it is open.
@@ -39,6 +40,7 @@ class WorkerLink:
         self.epoch = 0
         self.ready = False
         self.held = False
+        self.faulted = False
         self.restarts = 0
         self.scene_port: int | None = None
         self.spectator_port: int | None = None
@@ -59,6 +61,7 @@ class WorkerLink:
         """Start a worker where the record ends."""
         self.epoch += 1
         epoch = self.epoch
+        self.faulted = False
         self.ready, self.scene_port, self.spectator_port = False, None, None
         spec = await self._services.make_spec(kind, trial)
         self.setup = spec.setup

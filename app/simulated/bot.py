@@ -48,6 +48,8 @@ from study.flow.protocol import TERMINAL
 
 ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000
+MAX_FAULTS = 2
+"""So often the bot goes on after a fault of the lab's."""
 """A trial takes a few hundred ticks; after this many the bot is stuck and says so."""
 
 
@@ -257,6 +259,7 @@ class Bot:
         self._phase_ticks = 0
         self._pending: dict[str, str] = {}
         self._wrong_tries: dict[str, int] = {}
+        self._faults = 0
         self._given_up: set[str | None] = set()
 
     async def run(self) -> BotReport:
@@ -327,6 +330,9 @@ class Bot:
             await self._drive()
         elif status.status == "paused" and self._page.content.get("can_resume") and not self._resumed:
             self._resumed = True  # once a pause: its status is told again when the robot is ready
+            self._faults += "fault" in self._page.content["causes"]
+            if self._faults > MAX_FAULTS:
+                raise BotError(f"the lab paused {MAX_FAULTS} times because of a fault of its own; see its event log")
             await self._submit("resume", {})
 
     async def _on_tick(self, tick: Tick) -> None:

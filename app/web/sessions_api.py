@@ -82,7 +82,9 @@ class SessionReply(BaseModel):
     place: str
     """The state, or while paused the one that will be resumed."""
     causes: list[str]
-    """Why it is paused; empty otherwise."""
+    """Why it is paused: `connection`, `experimenter`, `fault`; empty otherwise."""
+    pause_reason: str | None
+    """While it is paused for a fault: which part of the lab did what."""
     trial: int
     """Number of the trial, from 1; 1 before the first."""
     trials: int
@@ -189,6 +191,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         state=session.state,
         place=session.place,
         causes=sorted(session.causes),
+        pause_reason=session.reason if session.state == "paused" else None,
         trial=session.trial,
         trials=session.trials,
         condition=stored.order[session.trial - 1],

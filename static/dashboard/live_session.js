@@ -21,6 +21,8 @@ import { nameOf, taskWords } from "./sessions_table.js";
 /** @typedef {{ element: HTMLButtonElement, label: string, name: string }} Act */
 
 const KEPT_TICKS = 120;
+/** What the chart beside the belief shows already. */
+const CHARTED = new Set(["information", "reward_m", "weighted_information", "weighted_reward", "score"]);
 const KEPT_EVENTS = 50;
 /** @type {Record<string, string>} */
 const SOURCES = {
@@ -245,9 +247,9 @@ export class SessionPage {
     this.scores.show(
       this.ticks.map((one) => ({
         s: one.trial_s,
-        score: one.scores?.score,
-        information: one.scores?.weighted_information,
-        goal: one.scores?.weighted_reward,
+        score: numeric(one.explanation.score),
+        information: numeric(one.explanation.weighted_information),
+        goal: numeric(one.explanation.weighted_reward),
       })),
     );
     this._facts();
@@ -261,6 +263,7 @@ export class SessionPage {
     const rows = [
       ["Moves now", tick ? (SOURCES[tick.source] ?? tick.source) : "–"],
       ["Action", words(tick?.action)],
+      ...toldByArbiter(tick),
       ["Blocked", tick?.blocked ? (tick.blocked_reason ?? "yes") : tick ? "no" : "–"],
       [
         "Gripper",
@@ -321,6 +324,29 @@ export class SessionPage {
       this.toasts.show(`${this.participant}: ${problemText(error)}`, { problem: true });
     }
   }
+}
+
+/**
+ * @param {number | string | undefined} value
+ * @returns {number | undefined}
+ */
+function numeric(value) {
+  return typeof value === "number" ? value : undefined;
+}
+
+/**
+ * What an arbiter says of its last action beside what is charted, in its own names.
+ *
+ * @param {TickExplanation | undefined} tick
+ * @returns {[name: string, value: string][]}
+ */
+function toldByArbiter(tick) {
+  return Object.entries(tick?.explanation ?? {})
+    .filter(([name]) => !CHARTED.has(name))
+    .map(([name, value]) => [
+      name.replaceAll("_", " "),
+      typeof value === "number" ? String(Math.round(value * 1000) / 1000) : value,
+    ]);
 }
 
 /**

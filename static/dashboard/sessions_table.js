@@ -41,7 +41,7 @@ const LEVELS = {
   screened_out: ["hand", "warn"],
 };
 /** @type {Record<string, string>} */
-const CAUSES = { connection: "connection lost", experimenter: "by the experimenter" };
+const CAUSES = { connection: "connection lost", experimenter: "by the experimenter", fault: "the arbiter failed" };
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
 const BUTTONS = COMMANDS.filter(({ name }) => ["pause", "resume", "abort"].includes(name)); // the others are on the page of the session
@@ -79,7 +79,11 @@ function connectionOf(session) {
 function remarks(session) {
   const list = [];
   if (session.causes.length)
-    list.push(`Paused: ${session.causes.map((cause) => CAUSES[cause] ?? cause).join(" and ")}`);
+    list.push(
+      `Paused: ${session.causes.map((cause) => CAUSES[cause] ?? cause).join(" and ")}${
+        session.causes.includes("fault") && session.pause_reason ? ` (${session.pause_reason})` : ""
+      }`,
+    );
   if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
   if (session.connected && session.visible === false) list.push("page hidden");
   else if (session.connected && session.focused === false) list.push("page without focus");

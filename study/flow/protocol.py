@@ -56,6 +56,7 @@ EventName = Literal[
     "continue",
     "debrief_done",
     "connection_lost",
+    "part_failed",
     "resume",
     "experimenter_pause",
     "experimenter_resume",
@@ -64,7 +65,7 @@ EventName = Literal[
     "withdraw",
     "abort",
 ]
-Cause = Literal["connection", "experimenter"]
+Cause = Literal["connection", "experimenter", "fault"]
 Outcome = Literal["done", "declined", "withdrawn", "aborted", "screened_out"]
 WorkerKind = Literal["practice", "trial"]
 
@@ -90,7 +91,7 @@ class IllegalEvent(StudyError):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort` and
+    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort`, `part_failed` and
     `experimenter_pause`."""
 
     name: EventName
@@ -211,7 +212,8 @@ PAUSED_RULES: frozenset[EventName] = frozenset({"practice_done", "trial_done"})
 """A tick may be the last one while a pause is on its way: the session then goes on to the next state, still paused."""
 
 ANYWHERE: tuple[EventName, ...] = ("connection_lost", "experimenter_pause", "withdraw", "abort")
-"""Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere."""
+"""Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere.
+`part_failed`, of an arbiter or an inference that cannot be used, pauses wherever there is a worker."""
 
 _SKIP_TO: Mapping[State, State] = {
     "eligibility": "consent",
@@ -226,7 +228,11 @@ _ENDS: Mapping[EventName, tuple[State, Outcome]] = {
     "abort": ("aborted", "aborted"),
 }
 """What ends a session before its time: the state it is in then, and the outcome."""
-_CLEARED_BY: Mapping[EventName, Cause] = {"resume": "connection", "experimenter_resume": "experimenter"}
+_CLEARS: Mapping[EventName, frozenset[Cause]] = {
+    "resume": frozenset({"connection", "fault"}),
+    "experimenter_resume": frozenset({"experimenter", "fault"}),
+}
+"""A fault is nobody's doing: whoever is there may try again."""
 
 
 def new_session(participant: str, trials: int, skips: Iterable[str] = ()) -> Session:
@@ -251,7 +257,9 @@ def allowed(session: Session) -> tuple[EventName, ...]:
             names.add(event)
     if session.state == "paused":
         names |= {event for event in PAUSED_RULES if (session.place, event) in RULES}
-        names |= {event for event, cause in _CLEARED_BY.items() if cause in session.causes}
+        names |= {event for event, causes in _CLEARS.items() if causes & session.causes}
+    if session.worker:
+        names.add("part_failed")
     names.update(ANYWHERE)
     return tuple(event for event in EVENTS if event in names)
 
@@ -294,8 +302,10 @@ def _after(session: Session, event: Event) -> Session:
         return replace(_paused(session, "experimenter"), reason=event.reason)
     if name == "connection_lost":
         return _paused(session, "connection") if session.place in ("practice", "trial") else session
-    if name in _CLEARED_BY:
-        causes = session.causes - {_CLEARED_BY[name]}
+    if name == "part_failed":
+        return replace(_paused(session, "fault"), reason=event.reason)
+    if name in _CLEARS:
+        causes = session.causes - _CLEARS[name]
         if causes:
             return replace(session, causes=causes)
         return replace(session, state=session.place, resume_to=None, causes=causes, reason=None)
@@ -315,8 +325,8 @@ def _arrive(session: Session, target: State, leaving: State) -> Session:
     if target == "break" and trial == session.trials:
         target = "debrief"
     if session.state == "paused":
-        # Only what ticks waits for a connection: a form can be shown whenever the page is back.
-        causes = session.causes if NEEDS.get(target, (None, False))[0] else session.causes - {"connection"}
+        # Only what needs a robot waits for a connection or an arbiter: a form can be shown whenever the page is back.
+        causes = session.causes if NEEDS.get(target, (None, False))[0] else session.causes - {"connection", "fault"}
         if causes:
             return replace(session, resume_to=target, trial=trial, causes=causes)
     outcome: Outcome | None = "done" if target == "done" else None

@@ -10,9 +10,11 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from app.autonomy.actions import DIRECTIONS, NULL_ACTION, UNIT_DIRECTIONS, index_of
-from app.autonomy.arbiter import ArbiterParameters, Evaluation, disagreement, entropy_weights, evaluate
+from app.autonomy.arbiters.weighing import disagreement, entropy_weights
 from app.autonomy.errors import AutonomyError
+from app.autonomy.evaluation import Evaluation
 from app.autonomy.transition import TransitionModel
+from tests.support.arbiter_cases import ArbiterCase, evaluate
 from tests.support.autonomy_cases import (
     goals_and_beliefs,
     models,
@@ -27,7 +29,7 @@ from tests.support.literal_reference import LiteralEvaluation, evaluate_literal
 ORIGIN = (0.0, 0.0, 0.0)
 AT_REST = (0.0, 0.0, 0.0)
 PLAIN = TransitionModel("mix", step_m=0.1, planning_delay=0.0)
-BALANCED = ArbiterParameters("balanced", alpha=375.0)
+BALANCED = ArbiterCase("balanced", alpha=375.0)
 GOAL_ORIENTED = replace(BALANCED, condition="goal_oriented")
 TELEOPERATION = replace(BALANCED, condition="teleoperation")
 CONDITIONS: Any = ["teleoperation", "goal_oriented", "balanced"]
@@ -63,7 +65,7 @@ def test_evaluate_is_the_literal_equations(
     position: Any, momentum: Any, goals_belief: Any, user: Any, model: Any, kappa: float, condition: Any, gamma: float
 ) -> None:
     goals, belief = goals_belief
-    parameters = ArbiterParameters(condition, 100.0, gamma=gamma, rationality_per_m=kappa, transition=model)
+    parameters = ArbiterCase(condition, 100.0, gamma=gamma, rationality_per_m=kappa, transition=model)
     actual = evaluate(position, momentum, goals, belief, user, parameters)
     literal = evaluate_literal(position, momentum, goals.tolist(), belief.tolist(), user, parameters)
     assert_agree(actual, literal, 5e-12)
@@ -76,7 +78,7 @@ def test_evaluate_is_the_literal_equations(
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_whole_episodes_agree_with_the_literal_equations_to_the_choice(kind: Any, condition: Any) -> None:
     rng = np.random.default_rng(11)
-    parameters = ArbiterParameters(
+    parameters = ArbiterCase(
         condition, 375.0, gamma=0.02, transition=TransitionModel(kind), stickiness=0.003, rationality_per_m=8.0
     )
     position, momentum, prior = np.array(START), np.zeros(3), None
@@ -104,7 +106,7 @@ def test_whole_episodes_agree_with_the_literal_equations_to_the_choice(kind: Any
 
 def test_extremes_agree_with_the_literal_equations() -> None:
     # kappa = 1000: log-likelihoods down to -100. The floor of 1e-12 shows in what is compared, hence 1e-10.
-    parameters = ArbiterParameters("balanced", 1.0, rationality_per_m=1000.0)
+    parameters = ArbiterCase("balanced", 1.0, rationality_per_m=1000.0)
     belief = [0.0, 0.5, 0.2, 0.3, 0.0, 0.0]
     actual = evaluate(START, (0.0, 1.0, 0.0), SIX_GOALS, belief, (0, 1, 0), parameters)
     literal = evaluate_literal(START, (0.0, 1.0, 0.0), SIX_GOALS.tolist(), belief, (0, 1, 0), parameters)
@@ -134,7 +136,7 @@ def test_disagreement_is_between_unit_directions() -> None:
 
 
 def test_the_score_is_assembled_as_printed() -> None:
-    parameters = ArbiterParameters("balanced", alpha=200.0, beta=3.0, gamma=0.5)
+    parameters = ArbiterCase("balanced", alpha=200.0, beta=3.0, gamma=0.5)
     result = evaluate(START, AT_REST, SIX_GOALS, None, (1, 0, 0), parameters)
     h = result.entropy
     index = index_of((0, 0, -1))
@@ -195,7 +197,7 @@ def test_everything_after_the_input_uses_the_posterior() -> None:
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("user", DIRECTIONS)
 def test_the_person_always_wins_by_default(condition: Any, user: Any) -> None:
-    parameters = ArbiterParameters(condition, alpha=13_000.0, rationality_per_m=1.0)
+    parameters = ArbiterCase(condition, alpha=13_000.0, rationality_per_m=1.0)
     sure = [0.0, 0.0, 0.0, 0.0, 0.02, 0.98]
     nothing_else = np.zeros(27, dtype=bool)
     for prior in (None, sure):
@@ -214,7 +216,7 @@ def test_a_finite_gamma_blends() -> None:
     model = TransitionModel("mix", step_m=0.05, planning_delay=0.0)
 
     def chosen(gamma: float) -> tuple[int, int, int]:
-        parameters = ArbiterParameters("goal_oriented", 0.0, gamma=gamma, transition=model)
+        parameters = ArbiterCase("goal_oriented", 0.0, gamma=gamma, transition=model)
         return DIRECTIONS[evaluate(ORIGIN, AT_REST, [[1000.0, 0.0, 0.0]], None, (0, 1, 0), parameters).chosen]
 
     assert chosen(0.0) == (1, 0, 0)
@@ -230,8 +232,8 @@ def test_alpha_zero_is_goal_oriented(
     position: Any, momentum: Any, goals_belief: Any, user: Any, model: Any, kappa: float
 ) -> None:
     goals, belief = goals_belief
-    balanced = ArbiterParameters("balanced", 0.0, rationality_per_m=kappa, transition=model)
-    goal_oriented = ArbiterParameters("goal_oriented", 500.0, rationality_per_m=kappa, transition=model)
+    balanced = ArbiterCase("balanced", 0.0, rationality_per_m=kappa, transition=model)
+    goal_oriented = ArbiterCase("goal_oriented", 500.0, rationality_per_m=kappa, transition=model)
     one = evaluate(position, momentum, goals, belief, user, balanced)
     other = evaluate(position, momentum, goals, belief, user, goal_oriented)
     np.testing.assert_array_equal(one.score, other.score)
@@ -260,7 +262,7 @@ def test_balanced_explores_when_unsure_and_assists_when_sure() -> None:
 
 def tied(momentum: Any = AT_REST, feasible: Any = None) -> tuple[int, int, int]:
     """Goals on either side: R_HO is 0 for staying and for both ways along y, and less for all else."""
-    parameters = ArbiterParameters("goal_oriented", 0.0, transition=PLAIN)
+    parameters = ArbiterCase("goal_oriented", 0.0, transition=PLAIN)
     goals = [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
     return DIRECTIONS[evaluate(ORIGIN, momentum, goals, None, None, parameters, feasible).chosen]
 
@@ -297,7 +299,7 @@ def test_stickiness_keeps_going_unless_another_direction_is_clearly_better() -> 
     diagonal = (math.sqrt(0.5), math.sqrt(0.5), 0.0)
 
     def result(stickiness: float, user: Any = None) -> Evaluation:
-        parameters = ArbiterParameters("goal_oriented", 0.0, transition=PLAIN, stickiness=stickiness)
+        parameters = ArbiterCase("goal_oriented", 0.0, transition=PLAIN, stickiness=stickiness)
         return evaluate(ORIGIN, diagonal, [[0.0, 100.0, 0.0]], None, user, parameters)
 
     assert DIRECTIONS[result(0.0).chosen] == (0, 1, 0)
@@ -320,7 +322,7 @@ def test_at_rest_there_is_nothing_to_stick_to() -> None:
 def test_nothing_is_nan_at_the_extremes(kind: Any) -> None:
     goals = [[1e9, 0.0, 0.0], [*START], [0.0, -1e40, 0.0], [*START]]
     for kappa in (0.0, 1000.0, 1e6):
-        parameters = ArbiterParameters("balanced", 1e4, rationality_per_m=kappa, transition=TransitionModel(kind))
+        parameters = ArbiterCase("balanced", 1e4, rationality_per_m=kappa, transition=TransitionModel(kind))
         for prior in (None, [1.0, 0.0, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]):
             for user in (None, (1, 1, 1)):
                 result = evaluate(START, (0.0, 0.0, -1.0), goals, prior, user, parameters)

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.autonomy.arbiter import ArbiterParameters, evaluate
 from app.autonomy.belief import belief_entropy
 from app.autonomy.calibration import CROSSING_SAMPLES, beliefs_of_entropy, calibrate_alpha
 from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
+from tests.support.arbiter_cases import ArbiterCase, evaluate
 
 OBJECTS = np.array(
     [[0.80, -0.40, 0.85], [0.78, -0.20, 0.84], [0.82, 0.0, 0.86], [0.79, 0.2, 0.85], [0.81, 0.4, 0.84], [0.8, 0.3, 0.9]]
@@ -45,7 +45,7 @@ def test_alpha_splits_the_states_at_half_entropy_in_two() -> None:
     led_by_information = 0
     for belief in beliefs:
         position = rng.uniform(low_m, high_m)
-        result = evaluate(position, (0.0, 0.0, 0.0), OBJECTS, belief, None, ArbiterParameters("balanced", alpha))
+        result = evaluate(position, (0.0, 0.0, 0.0), OBJECTS, belief, None, ArbiterCase("balanced", alpha))
         information = alpha * result.entropy * np.ptp(result.information_gain)
         led_by_information += bool(information > np.ptp(result.hindsight_reward) / result.entropy)
     # Binomial(300, about 1/2) has a standard deviation of 0.03; starting at rest moves the share somewhat.

@@ -16,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 
 from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS, Direction
-from app.autonomy.arbiter import ArbiterParameters, Choice, Condition, choose, evaluate
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
@@ -27,6 +26,7 @@ from app.trial.world import open_study
 from sim.interface import TICK_S
 from study.definition.study import orders, plan_session
 from tests.bench.figure import Figure
+from tests.support.arbiter_cases import CONDITIONS, ArbiterCase, evaluate
 from tests.support.literal_reference import evaluate_literal
 
 GOALS = 6
@@ -54,7 +54,7 @@ Case = TypeVar("Case")
 def decision_figures() -> Iterator[Figure]:
     """Milliseconds over the same random states: in whole, as a tick needs it, and literally."""
     rng = np.random.default_rng(SEED)
-    parameters = ArbiterParameters("balanced", alpha=400.0, transition=TransitionModel("mix"))
+    parameters = ArbiterCase("balanced", alpha=400.0, transition=TransitionModel("mix"))
     states = [_state(rng, away=number % 2 == 0) for number in range(STATES)]
     whole_ms = _median_ms(lambda state: evaluate(*state, parameters), states, REPEATS)
     plain = [
@@ -74,7 +74,7 @@ def decision_figures() -> Iterator[Figure]:
             yield Figure(f"what a tick works out: {condition}, {hands}", f"{light_ms:.3f} ms")
 
 
-def _choice(parameters: ArbiterParameters, state: State) -> Choice:
+def _choice(parameters: ArbiterCase, state: State) -> Choice:
     return choose(*state, parameters)
 
 

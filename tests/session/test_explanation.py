@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from app.autonomy.actions import DIRECTIONS
-from app.autonomy.arbiter import evaluate
-from app.session.explanation import explain_tick, plane_of, scores_of
+from app.session.explanation import explain_tick, plane_of
+from tests.support.arbiter_cases import evaluate
 from tests.support.engine_cases import FORWARD, HANDS_OFF, LEFT, opened, paper_study, push, rows_of, run, trial_setup
 
 LABELS = paper_study().labels()

@@ -6,7 +6,6 @@ from dataclasses import fields
 
 import pytest
 
-from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
 from app.simulated.variants import preset_changes
@@ -14,6 +13,7 @@ from app.trial.values import RobotTiming
 from sim.interface import TICK_S
 from study import records
 from study.definition.sections import ArbiterSettings, Condition, RobotSettings
+from tests.support.arbiter_cases import ArbiterCase
 
 
 def test_presets() -> None:
@@ -27,7 +27,7 @@ def test_presets() -> None:
 
 def test_the_mathematics_and_the_study_file_have_the_same_defaults() -> None:
     settings, condition = ArbiterSettings(), Condition(id="a", arbiter="balanced")
-    parameters, model = ArbiterParameters("balanced", alpha=1.0), TransitionModel()
+    parameters, model = ArbiterCase("balanced", alpha=1.0), TransitionModel()
     assert parameters.rationality_per_m == settings.rationality_per_m
     assert parameters.entropy_floor == settings.entropy_floor
     assert (parameters.beta, parameters.gamma) == (condition.beta, condition.gamma)

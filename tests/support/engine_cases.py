@@ -6,13 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.autonomy.actions import Direction
-from app.autonomy.arbiter import ArbiterParameters
+from app.autonomy.arbiters.weighing import WeighingArbiter
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
@@ -38,6 +37,7 @@ from sim.layouts import LAYOUTS, practice_scene
 from sim.layouts import scene as layout_scene
 from sim.objects import PRACTICE_OBJECT, STUDY_OBJECTS, grasp_point
 from study.records import TaskRow, TickRow
+from tests.support.arbiter_cases import ArbiterCase, Condition, case_of
 from tests.support.study_samples import shipped_study
 
 ARC = LAYOUTS["arc"]
@@ -56,9 +56,11 @@ def paper_study() -> StudySetup:
     return study_setup(shipped_study())
 
 
-def parameters(condition: str = "teleoperation", model: TransitionModel | None = None) -> ArbiterParameters:
-    """The arbiter's parameters: the study's own, apart from the transition model."""
-    own = paper_study().parameters(condition)
+def parameters(condition: Condition = "teleoperation", model: TransitionModel | None = None) -> ArbiterCase:
+    """The arbiter's numbers: the study's own, apart from the transition model."""
+    arbiter = paper_study().arbiter(condition)
+    assert isinstance(arbiter, WeighingArbiter)
+    own = case_of(condition, arbiter)
     return own if model is None else replace(own, transition=model)
 
 
@@ -76,15 +78,27 @@ def trial_setup(
         remaining = [name for name in PLACEMENT if name not in done]
         cycles.append(CycleSetup(layout_scene(ARC, PLACEMENT, remaining), object_id, bin_id))
         done.append(object_id)
+    study = paper_study()
+    models = study.models(condition)
     return TrialSetup(
-        "p01", 2, condition, "trial", tuple(cycles), parameters(condition, model), timing or RobotTiming()
+        "p01",
+        2,
+        condition,
+        "trial",
+        tuple(cycles),
+        study.arbiters[condition],
+        models=models if model is None else replace(models, transition=model),
+        timing=timing or RobotTiming(),
     )
 
 
 def practice_setup(condition: str = "teleoperation") -> TrialSetup:
     """The practice before a trial."""
     cycle = CycleSetup(practice_scene(ARC), PRACTICE_OBJECT.id, None)
-    return TrialSetup("p01", 1, condition, "practice", (cycle,), parameters(condition))
+    study = paper_study()
+    return TrialSetup(
+        "p01", 1, condition, "practice", (cycle,), study.arbiters[condition], models=study.models(condition)
+    )
 
 
 def opened(setup: TrialSetup, robot: Robot | None = None) -> TrialEngine:
@@ -269,7 +283,3 @@ class StagedRobot:
 
     def close(self) -> None:
         self.closed += 1
-
-
-ConditionName = Literal["teleoperation", "goal_oriented", "balanced"]
-CONDITIONS: tuple[ConditionName, ...] = ("teleoperation", "goal_oriented", "balanced")

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from app.errors import LabError
-from study.parts.registry import Registry
 from app.trial.robots import ROBOTS, make_robot
 from app.worker.process import warm_up, worker_context
+from study.parts.registry import Registry
 from tests.support.outside_package import ROBOT, install
 
 

@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from app.autonomy.actions import Direction
-from app.autonomy.arbiter import ArbiterParameters
 from app.trial.engine import TrialEngine
 from app.trial.values import CycleStart, RobotTiming, UserInput
 from app.trial.verdicts import release_points
 from sim.interface import MotionSegment, MotionVerdict, RobotCommand
 from study.records import TickRow
+from tests.support.arbiter_cases import ArbiterCase
 from tests.support.engine_cases import (
     BACK,
     CLOSE,
@@ -284,7 +284,7 @@ def test_every_belief_follows_from_the_rows_alone(condition: str) -> None:
     assert {row.source for row in rows} >= {"user", "gripper", "reset"}
 
 
-def literal_posterior(row: TickRow, prior: list[float], given: ArbiterParameters) -> list[float]:
+def literal_posterior(row: TickRow, prior: list[float], given: ArbiterCase) -> list[float]:
     """Equations 1 to 6 on what the row says."""
     state = LiteralState(position(row), momentum(row))
     goals = json.loads(row.goals).values()

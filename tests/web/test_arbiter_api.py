@@ -11,13 +11,13 @@ from typing import Any
 import httpx
 import pytest
 
-from app.autonomy.arbiter import ArbiterParameters
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.web.arbiter_api import EvaluateRequest, evaluate_request
 from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, parse_study
+from tests.support.arbiter_cases import ArbiterCase
 from tests.support.lab_server import LabServer
 from tests.support.literal_reference import evaluate_literal
 
@@ -61,7 +61,7 @@ CASES: dict[str, dict[str, Any]] = {
 def test_it_is_the_literal_equations(client: httpx.Client, body: dict[str, Any]) -> None:
     got = evaluate(client, **body)
     asked = {**STATE, **body}
-    parameters = ArbiterParameters(
+    parameters = ArbiterCase(
         condition=body.get("condition", "balanced"),
         alpha=body.get("alpha", 0.0),
         beta=body.get("beta", 1.0),
