@@ -330,7 +330,7 @@ class Bot:
             await self._drive()
         elif status.status == "paused" and self._page.content.get("can_resume") and not self._resumed:
             self._resumed = True  # once a pause: its status is told again when the robot is ready
-            self._faults += "fault" in self._page.content["causes"]
+            self._faults += "fault" in self._page.content.get("causes", ())
             if self._faults > MAX_FAULTS:
                 raise BotError(f"the lab paused {MAX_FAULTS} times because of a fault of its own; see its event log")
             await self._submit("resume", {})

@@ -21,6 +21,7 @@ from typing import Any, cast
 from app.errors import LabError
 from app.trial.robots import ROBOTS, make_robot
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from study.parts.errors import PartError
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
@@ -59,7 +60,7 @@ def _try_robot(robot: str, connection: Connection) -> None:
     """Make a robot and let it go, in a worker that only warms up; send the reason why it cannot be, or None."""
     try:
         make_robot(robot).close()
-    except LabError as error:
+    except PartError as error:
         connection.send(str(error))
     except Exception as error:
         connection.send(f"robot {robot!r} cannot be made: {type(error).__name__}: {error}")

@@ -352,7 +352,6 @@ def test_results_are_read_only_and_the_prior_is_not_touched() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"condition": "manual"}, "manual.*teleoperation, goal_oriented, balanced"),
         ({"alpha": -1.0}, r"alpha is -1\.0.*>= 0"),
         ({"beta": math.nan}, "beta is nan"),
         ({"gamma": math.inf}, "gamma is inf.*finite"),
@@ -389,7 +388,7 @@ def test_bad_input_is_refused(changes: Any, words: str) -> None:
         "goals_m": SIX_GOALS,
         "prior": None,
         "user_action": None,
-        "parameters": BALANCED,
+        "case": BALANCED,
         "feasible": None,
     }
     with pytest.raises(AutonomyError, match=words):

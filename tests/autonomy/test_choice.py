@@ -1,4 +1,4 @@
-"""What a tick asks of inference and arbiter is what `evaluate` says in one go: same belief, same action, bit for bit."""
+"""What a tick asks of inference and arbiter is what `evaluate` says in one go, bit for bit."""
 
 from __future__ import annotations
 

@@ -16,6 +16,10 @@ from typing import TypeVar
 import numpy as np
 
 from app.autonomy.actions import DIRECTIONS, UNIT_DIRECTIONS, Direction
+from app.autonomy.arbiters.weighing import WeighingArbiter
+from app.autonomy.belief import Belief
+from app.autonomy.evaluation import state_of
+from app.autonomy.inference.boltzmann import Boltzmann
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
@@ -35,7 +39,6 @@ REPEATS = 5
 IDLE_TICKS = 120
 WORLDS = 10
 SEED = 7
-CONDITIONS: tuple[Condition, ...] = ("teleoperation", "goal_oriented", "balanced")
 PARTS = EMPTY_HANDED, CARRYING, FINGERS, RESET = (
     "empty-handed",
     "carrying",
@@ -69,13 +72,16 @@ def decision_figures() -> Iterator[Figure]:
         held = replace(parameters, condition=condition)
         for away in (False, True):
             chosen = [state for state in states if (state[-1] is None) == away]
-            light_ms = _median_ms(partial(_choice, held), chosen, REPEATS)
+            light_ms = _median_ms(partial(_choice, held.arbiter), chosen, REPEATS)
             hands = "hands off" if away else "hands on"
             yield Figure(f"what a tick works out: {condition}, {hands}", f"{light_ms:.3f} ms")
 
 
-def _choice(parameters: ArbiterCase, state: State) -> Choice:
-    return choose(*state, parameters)
+def _choice(arbiter: WeighingArbiter, state: State) -> Direction:
+    position_m, momentum, goals_m, prior, user = state
+    seen = state_of(position_m, momentum, goals_m)
+    belief = Boltzmann(Boltzmann.Parameters(), arbiter.models).update(seen, Belief(seen.goal_ids, prior), user)
+    return arbiter.decide(seen, belief, user, lambda action: True)
 
 
 def _state(rng: np.random.Generator, away: bool) -> State:

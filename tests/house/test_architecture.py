@@ -33,7 +33,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.session", "app.replication"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
-    ("app.wire", "app.config", "app.registry"),
+    ("app.wire", "app.config"),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
@@ -41,6 +41,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.store",),
     ("study.flow",),
     ("study.definition",),
+    ("study.parts",),
     ("study.records",),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
@@ -78,7 +79,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
 """Outside library to the rooms or modules that may import it."""
 
 PURE = (
-    *("app.autonomy", "app.wire", "app.errors", "study.records", "study.definition", "study.flow"),
+    *("app.autonomy", "app.wire", "app.errors", "study.records", "study.parts", "study.definition", "study.flow"),
     *("study.analysis.measures", "study.analysis.summaries", "study.analysis.observations"),
     *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.views"),
 )

@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -260,11 +261,22 @@ def test_every_key_of_the_study_file_is_documented_with_what_it_means() -> None:
             assert meaning, f"{item.header} {key} does not say what it means"
 
 
+def test_every_parameter_of_a_part_is_documented_with_what_it_means() -> None:
+    page = reference.study_file()
+    for item in reference.part_tables():
+        below = page.split(f"## `{item.header}` with `{item.line}`\n")[1].split("\n## ")[0]
+        rows = {row[0].strip("`"): row for row in rows_of(below)[1:]}
+        assert set(rows) == {field.name for field in fields(item.parameters)}, item.line
+        assert all(all(row) for row in rows.values()), item.line
+
+
 def test_the_reference_of_the_study_file_gives_bounds_and_choices() -> None:
     page = reference.study_file()
     assert "| `planning_delay` | number, at least 0, at most 1 | `0.2` |" in page
     assert '| `transition` | `"mix"` or `"replan"` | `"mix"` |' in page
-    assert '| `alpha` | number or `"calibrated"` | `0.0` |' in page
+    assert "| `entropy_floor` | number, more than 0, at most 1 | `0.1` |" in page
+    heading = '## `[[conditions]]` with `arbiter = "balanced"`'
+    assert '| `alpha` | number or `"calibrated"` | must be given |' in page.split(heading)[1].split("\n## ")[0]
     assert "| `layout` | `arc` |" in page
 
 
@@ -276,6 +288,7 @@ def test_every_key_and_table_of_the_study_file_that_is_named_exists() -> None:
         *(item.model for item in reference.study_tables()),
     ]
     keys = {key for model in models for key in model.model_fields}
+    keys |= {field.name for item in reference.part_tables() for field in fields(item.parameters)}
     headers = {item.header for item in reference.study_tables()} | {"[[items]]"}
     named = {span for span in SPANS if re.fullmatch(r"\[+[a-z_.]+\]+", span)}
     assert len(named) > 4

@@ -37,6 +37,7 @@ export interface SessionReply {
   state: string;
   place: string;
   causes: Array<string>;
+  pause_reason: string | null;
   trial: number;
   trials: number;
   condition: string;
@@ -65,6 +66,7 @@ export interface LiveReply {
   state: string;
   place: string;
   causes: Array<string>;
+  pause_reason: string | null;
   trial: number;
   trials: number;
   condition: string;
@@ -101,21 +103,6 @@ export interface Goal {
   instructed: boolean;
 }
 
-/**
- * Why the action of a tick: the two rewards of paper III-F for it, and what they weigh.
- *
- * `information` is the expected gain (eq. 11, units of log |goals|), `reward_m` the approach (eq. 7, metres); `score`
- * is the sum of the weighted two. What agreement with the person adds (gamma) is left out: it decides, and hides the
- * rest.
- */
-export interface Scores {
-  information: number;
-  reward_m: number;
-  weighted_information: number;
-  weighted_reward: number;
-  score: number;
-}
-
 /** One tick as the experimenter sees it. */
 export interface TickExplanation {
   phase: string;
@@ -135,7 +122,7 @@ export interface TickExplanation {
   late_ms: number | null;
   entropy: number;
   goals: Array<Goal>;
-  scores: Scores | null;
+  explanation: Record<string, number | string>;
 }
 
 /** One of the two heatmaps of paper Fig. 2, for a live tick. `values` has a row for each x, a column for each y. */

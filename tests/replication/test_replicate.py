@@ -166,8 +166,9 @@ def test_each_variation_changes_one_thing_and_can_be_run() -> None:
 def test_alpha_is_varied_around_its_calibration() -> None:
     plan = make_plan(1, "kinematic", "fitted")
     half = next(item for item in variations(plan) if item.name == "alpha x 3")
-    alpha = setup_of(plan.study_text).parameters("balanced").alpha
-    assert setup_of(varied(plan, half).study_text).parameters("balanced").alpha == pytest.approx(3 * alpha, rel=1e-4)
+    alpha = setup_of(plan.study_text).arbiter("balanced").parameters.alpha
+    tripled = setup_of(varied(plan, half).study_text).arbiter("balanced").parameters.alpha
+    assert tripled == pytest.approx(3 * alpha, rel=1e-4)
 
 
 # ---- the report -----------------------------------------------------------------------------------------------------

@@ -10,21 +10,31 @@ import pytest
 
 from app.autonomy.actions import DIRECTIONS
 from app.session.explanation import explain_tick, plane_of
-from tests.support.arbiter_cases import evaluate
-from tests.support.engine_cases import FORWARD, HANDS_OFF, LEFT, opened, paper_study, push, rows_of, run, trial_setup
+from tests.support.arbiter_cases import Condition, evaluate
+from tests.support.engine_cases import (
+    FORWARD,
+    HANDS_OFF,
+    LEFT,
+    opened,
+    paper_study,
+    parameters,
+    push,
+    rows_of,
+    run,
+    trial_setup,
+)
 
 LABELS = paper_study().labels()
 
 
 @pytest.mark.parametrize("condition", ["goal_oriented", "balanced"])
-def test_when_the_robot_chose_no_other_action_it_can_do_scores_more(condition: str) -> None:
+def test_when_the_robot_chose_no_other_action_it_can_do_scores_more(condition: Condition) -> None:
     setup = trial_setup(condition)
-    rows = rows_of(run(opened(setup), [push(FORWARD)] * 6 + [HANDS_OFF] * 4))
-    row = rows[6]
+    engine = opened(setup)
+    row = rows_of(run(engine, [push(FORWARD)] * 6 + [HANDS_OFF]))[6]
     assert row.source == "robot"
-    scores = scores_of(row, setup.parameters)
-    assert scores is not None
-    assert scores.score == pytest.approx(scores.weighted_information + scores.weighted_reward)
+    scores = {name: float(value) for name, value in engine.explain().items()}
+    assert scores["score"] == pytest.approx(scores["weighted_information"] + scores["weighted_reward"])
     places, belief = json.loads(row.goals), json.loads(row.belief)
     every = evaluate(
         (row.p_x, row.p_y, row.p_z),
@@ -32,24 +42,29 @@ def test_when_the_robot_chose_no_other_action_it_can_do_scores_more(condition: s
         list(places.values()),
         [belief[name] for name in places],
         None,
-        setup.parameters,
+        parameters(condition),
     )
     chosen = DIRECTIONS.index((row.action_x, row.action_y, row.action_z))
-    assert scores.score == pytest.approx(every.score[chosen])
+    assert scores["score"] == pytest.approx(every.score[chosen])
+    assert (scores["information"], scores["reward_m"]) == (
+        every.information_gain[chosen],
+        every.hindsight_reward[chosen],
+    )
     if condition == "goal_oriented":
-        assert scores.weighted_information == 0.0 and scores.weighted_reward == scores.score
+        assert scores["weighted_information"] == 0.0 and scores["weighted_reward"] == scores["score"]
 
 
 def test_where_nothing_was_chosen_nothing_is_scored() -> None:
     setup = trial_setup("teleoperation")
-    (row,) = rows_of(run(opened(setup), [HANDS_OFF]))
-    assert row.source == "idle" and scores_of(row, setup.parameters) is None
+    engine = opened(setup)
+    (row,) = rows_of(run(engine, [HANDS_OFF]))
+    assert row.source == "idle" and explain_tick(row, engine.explain(), setup, LABELS).explanation == {}
 
 
 def test_a_thought_names_the_goals_in_words_with_their_probability() -> None:
     setup = trial_setup("balanced")
     row = rows_of(run(opened(setup), [push(LEFT)] * 5))[-1]
-    explanation = explain_tick(row, setup, LABELS)
+    explanation = explain_tick(row, {}, setup, LABELS)
     assert {goal.id: goal.probability for goal in explanation.goals} == json.loads(row.belief)
     assert [goal.id for goal in explanation.goals if goal.instructed] == [row.goal]
     assert all(goal.label == LABELS.objects[goal.id] for goal in explanation.goals)
@@ -84,5 +99,5 @@ def test_while_the_arm_goes_back_the_plane_shows_the_new_goals_alike() -> None:
     returning = replace(row, source="reset", belief=json.dumps({"left_bin": 0.9, "right_bin": 0.1}))
     plane = plane_of(returning, setup, LABELS, "reward")
     assert {goal.probability for goal in plane.goals} == {1.0 / len(places)}
-    explanation = explain_tick(returning, setup, LABELS)
+    explanation = explain_tick(returning, {}, setup, LABELS)
     assert [(goal.id, goal.position_m) for goal in explanation.goals] == [("left_bin", None), ("right_bin", None)]

@@ -16,7 +16,8 @@ from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
 from study.flow.protocol import STATES, Cause, Event, EventName, Outcome, Session, State, advance, new_session
-from tests.support.engine_cases import CONDITIONS, Person, drive, opened, paper_study, practice_setup, trial_setup
+from tests.support.arbiter_cases import CONDITIONS
+from tests.support.engine_cases import Person, drive, opened, paper_study, practice_setup, trial_setup
 from tests.support.study_samples import shipped_study
 
 STUDY = shipped_study()

@@ -11,8 +11,8 @@ from app.simulated.pilot import Pilot, Sight
 from app.trial.values import RobotTiming, UserInput
 from sim.layouts import LAYOUTS
 from sim.layouts import scene as layout_scene
+from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import (
-    CONDITIONS,
     PLACEMENT,
     Person,
     drive,

@@ -6,13 +6,14 @@ from dataclasses import fields
 
 import pytest
 
+from app.autonomy.arbiters.weighing import Weights
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
 from app.simulated.variants import preset_changes
 from app.trial.values import RobotTiming
 from sim.interface import TICK_S
 from study import records
-from study.definition.sections import ArbiterSettings, Condition, RobotSettings
+from study.definition.sections import ArbiterSettings, RobotSettings
 from tests.support.arbiter_cases import ArbiterCase
 
 
@@ -26,11 +27,11 @@ def test_presets() -> None:
 
 
 def test_the_mathematics_and_the_study_file_have_the_same_defaults() -> None:
-    settings, condition = ArbiterSettings(), Condition(id="a", arbiter="balanced")
+    settings = ArbiterSettings()
     parameters, model = ArbiterCase("balanced", alpha=1.0), TransitionModel()
     assert parameters.rationality_per_m == settings.rationality_per_m
     assert parameters.entropy_floor == settings.entropy_floor
-    assert (parameters.beta, parameters.gamma) == (condition.beta, condition.gamma)
+    assert Weights(1.0).entropy_floor == settings.entropy_floor
     assert (model.kind, model.step_m, model.planning_delay) == (
         settings.transition,
         settings.step_m,

@@ -120,7 +120,7 @@ def evaluate_literal(
     parameters: Any,
     feasible: Sequence[bool] | None = None,
 ) -> LiteralEvaluation:
-    """The arguments and meaning of ``app.autonomy.arbiter.evaluate``."""
+    """The arguments and meaning of ``tests.support.arbiter_cases.evaluate``."""
     state = LiteralState(
         (float(position_m[0]), float(position_m[1]), float(position_m[2])),
         (float(momentum[0]), float(momentum[1]), float(momentum[2])),

@@ -22,9 +22,9 @@ from app.trial.values import (
 )
 from sim.interface import SLICES_PER_TICK, Pose
 from sim.kinematic import KinematicRobot
+from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import (
     CLOSE,
-    CONDITIONS,
     FORWARD,
     HANDS_OFF,
     Person,

@@ -10,6 +10,7 @@ import pytest
 from app.errors import LabError
 from app.trial.robots import ROBOTS, make_robot
 from app.worker.process import warm_up, worker_context
+from study.parts.errors import PartError
 from study.parts.registry import Registry
 from tests.support.outside_package import ROBOT, install
 
@@ -36,7 +37,7 @@ def test_a_shipped_robot_is_made_by_its_name(name: str) -> None:
 
 
 def test_an_unknown_name_tells_the_ones_there_are() -> None:
-    with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, kinematic"):
+    with pytest.raises(PartError, match="no robot 'sawyer'; robots are bullet, kinematic"):
         make_robot("sawyer")
 
 
@@ -65,7 +66,7 @@ def test_a_robot_that_cannot_be_loaded_is_one_line(
     site: Path, registry: Registry, place: str, source: str, complaint: str
 ) -> None:
     install(site, {"other": place}, source)
-    with pytest.raises(LabError, match=complaint) as caught:
+    with pytest.raises(PartError, match=complaint) as caught:
         registry.load("other")
     assert "\n" not in str(caught.value)
 
@@ -73,7 +74,7 @@ def test_a_robot_that_cannot_be_loaded_is_one_line(
 def test_a_name_that_is_taken_is_refused_whoever_asks(site: Path, registry: Registry) -> None:
     install(site, {"kinematic": "outside_robots:OtherRobot"}, ROBOT)
     with pytest.raises(
-        LabError, match=r"outside-robots registers robot 'kinematic', which is sim\.kinematic:.* already"
+        PartError, match=r"outside-robots registers robot 'kinematic', which is sim\.kinematic:.* already"
     ):
         _ = registry.names
 

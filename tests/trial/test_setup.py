@@ -7,12 +7,17 @@ from dataclasses import replace
 
 import pytest
 
+from app.autonomy.arbiters.balanced import Balanced
+from app.autonomy.arbiters.goal_oriented import GoalOriented
+from app.autonomy.arbiters.teleoperation import Teleoperation
+from app.autonomy.interface import Models
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.trial.values import RobotTiming
 from sim.objects import PRACTICE_OBJECT
 from study.definition.study import Study, parse_study, plan_session
-from tests.support.engine_cases import CONDITIONS, paper_study
+from tests.support.arbiter_cases import CONDITIONS
+from tests.support.engine_cases import paper_study
 from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
@@ -30,7 +35,8 @@ def test_a_trial_follows_its_plan(trial: int) -> None:
     drawn = PLAN.trial(trial)
     setup = paper_study().trial_setup("p01", PLAN, trial, "trial")
     assert (setup.participant, setup.trial, setup.condition) == ("p01", trial, ORDER[trial - 1])
-    assert setup.parameters == paper_study().parameters(ORDER[trial - 1])
+    assert setup.arbiter == paper_study().arbiters[ORDER[trial - 1]]
+    assert setup.models == paper_study().models(ORDER[trial - 1])
     assert [(cycle.object, cycle.bin) for cycle in setup.cycles] == [(p.object, p.bin) for p in drawn.pickups]
 
 
@@ -69,28 +75,31 @@ def test_numbers_of_the_study_file_reach_the_trial() -> None:
 
 def test_each_condition_has_its_arbiter_and_all_share_the_model() -> None:
     setup = paper_study()
-    made = {name: setup.parameters(name) for name in CONDITIONS}
-    assert {name: parameters.condition for name, parameters in made.items()} == {name: name for name in CONDITIONS}
-    assert {parameters.transition for parameters in made.values()} == {TransitionModel("mix", 0.05, 0.2)}
-    assert {parameters.rationality_per_m for parameters in made.values()} == {5.0}
+    made = {name: setup.arbiter(name) for name in CONDITIONS}
+    assert {name: type(arbiter) for name, arbiter in made.items()} == {
+        "teleoperation": Teleoperation,
+        "goal_oriented": GoalOriented,
+        "balanced": Balanced,
+    }
+    assert {arbiter.models for arbiter in made.values()} == {Models(5.0, TransitionModel("mix", 0.05, 0.2))}
     assert setup.calibration is not None
-    assert made["balanced"].alpha == setup.calibration.alpha > 0.0
-    assert made["goal_oriented"].alpha == 0.0
+    assert made["balanced"].parameters.alpha == setup.calibration.alpha > 0.0
+    assert made["goal_oriented"].parameters.alpha == 0.0
 
 
 def test_alpha_is_the_same_in_every_lab_that_runs_the_same_file() -> None:
-    assert study_setup(shipped_study()).parameters("balanced") == paper_study().parameters("balanced")
+    assert study_setup(shipped_study()).arbiters == paper_study().arbiters
 
 
 def test_alpha_given_as_a_number_is_taken_and_nothing_is_calibrated() -> None:
     setup = study_setup(changed('alpha = "calibrated"', "alpha = 0.25"))
     assert setup.calibration is None
-    assert setup.parameters("balanced").alpha == 0.25
+    assert setup.arbiter("balanced").parameters.alpha == 0.25
 
 
 def test_alpha_depends_on_the_model_the_study_chooses() -> None:
     sharp = study_setup(changed("rationality_per_m = 5.0", "rationality_per_m = 50.0"))
-    assert sharp.parameters("balanced").alpha != paper_study().parameters("balanced").alpha
+    assert sharp.arbiters["balanced"] != paper_study().arbiters["balanced"]
 
 
 def test_everything_that_can_be_instructed_has_words() -> None:
@@ -102,10 +111,10 @@ def test_everything_that_can_be_instructed_has_words() -> None:
 
 def test_the_record_holds_every_parameter_as_json() -> None:
     stored = json.loads(json.dumps(paper_study().parameters_json("balanced")))
-    parameters = paper_study().parameters("balanced")
+    parameters = paper_study().arbiter("balanced").parameters
     assert stored["alpha"] == parameters.alpha
     assert stored["transition"] == {"kind": "mix", "step_m": 0.05, "planning_delay": 0.2}
-    assert set(stored) == set(vars(parameters))
+    assert set(stored) == {"condition", "rationality_per_m", "transition", *vars(parameters)}
 
 
 def test_a_trial_s_row_says_how_it_was_laid_out() -> None:

@@ -16,11 +16,10 @@ from app.trial.values import CycleStart, RobotTiming, UserInput
 from app.trial.verdicts import release_points
 from sim.interface import MotionSegment, MotionVerdict, RobotCommand
 from study.records import TickRow
-from tests.support.arbiter_cases import ArbiterCase
+from tests.support.arbiter_cases import CONDITIONS, ArbiterCase, Condition
 from tests.support.engine_cases import (
     BACK,
     CLOSE,
-    CONDITIONS,
     FORWARD,
     HANDS_OFF,
     LEFT,
@@ -116,7 +115,7 @@ def test_with_input_the_person_moves_the_robot_and_without_it_the_condition_deci
 
 
 @pytest.mark.parametrize("condition", ["goal_oriented", "balanced"])
-def test_an_assisting_robot_does_what_the_row_alone_says_it_should(condition: str) -> None:
+def test_an_assisting_robot_does_what_the_row_alone_says_it_should(condition: Condition) -> None:
     rows = rows_of(run(opened(trial_setup(condition)), SEQUENCE))
     for row in (row for row in rows if row.source == "robot"):
         goals = json.loads(row.goals)
@@ -266,7 +265,7 @@ def test_fingers_still_on_their_way_are_not_sent_again() -> None:
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
-def test_every_belief_follows_from_the_rows_alone(condition: str) -> None:
+def test_every_belief_follows_from_the_rows_alone(condition: Condition) -> None:
     """What an analysis can do with the export: take each row's state and input, apply the paper's equations."""
     belief: dict[str, float] = {}
     task = None

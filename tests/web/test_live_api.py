@@ -141,7 +141,7 @@ async def test_a_watched_session_tells_each_tick_and_nobody_elses(quick_lab: Lab
         assert sum(goal["instructed"] for goal in tick["goals"]) == 1
         assert all(goal["label"] and "_" not in goal["label"] for goal in tick["goals"])
         assert 0.0 <= tick["entropy"] <= 1.0
-        scores = tick["scores"]
+        scores = tick["explanation"]
         assert scores["score"] == pytest.approx(scores["weighted_information"] + scores["weighted_reward"])
         await board.watch(None)
         await drive(player, 1)

@@ -30,6 +30,7 @@ from app.worker.messages import (
 from app.worker.worker import run as run_worker
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 from sim.kinematic import KinematicRobot
+from study.parts.errors import PartError
 from tests.support.engine_cases import (
     FORWARD,
     HANDS_OFF,
@@ -452,7 +453,7 @@ def test_a_robot_that_breaks_is_reported_and_let_go_of(monkeypatch: pytest.Monke
 def test_a_robot_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = Pipe([(0.0, Stop())])
     monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
-    with pytest.raises(RuntimeError):
+    with pytest.raises(PartError):
         run_worker(cast(Connection, pipe), replace(spec(), robot="steam"))
     (failed,) = of(pipe.sent, Failed)
     assert "steam" in failed.reason and "kinematic" in failed.reason
