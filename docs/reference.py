@@ -178,7 +178,8 @@ _PART_KEYS = (("arbiter", "[[conditions]]", "arbiter"), ("inference", "[inferenc
 
 def _part_sections() -> Iterator[str]:
     for item in part_tables():
-        schema = model_of(item.parameters).model_json_schema()
+        taken: Any = item.parameters
+        schema = model_of(taken).model_json_schema()
         texts = attribute_texts(item.parameters)
         rows = [
             (f"`{name}`", kind(schema["properties"][name], {}), default(name, schema), sentence(texts.get(name, "")))
@@ -407,7 +408,7 @@ def steps() -> str:
 # ---- the packages -----------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "static/*", "tests")
+ROOMS = ("app", "app/*", "app/autonomy/*", "study", "study/*", "study/flow/*", "sim", "static", "static/*", "tests")
 """Where a README stands that says what a folder is, in the order told."""
 
 
