@@ -20,7 +20,6 @@ from app import wire
 from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
-from app.trial.world import known_layouts
 from app.web.access import ErrorReply
 from app.web.server import create_app
 from docs.words import (
@@ -35,10 +34,9 @@ from docs.words import (
     sentence,
     table,
 )
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.field_types import Part
+from study.definition.layouts import shipped_layouts, shipped_objects
 from study.definition.study import DEFAULT_STUDY, Study
 from study.flow.steps import STEP_DATA
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
@@ -155,14 +153,18 @@ def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Commen
 
 
 def _ids() -> str:
-    bins = {item.id: item.label for layout in LAYOUTS.values() for item in layout.bins}
+    layouts = shipped_layouts()
+    bins = {item.id: item.label for layout in layouts.values() for item in layout.bins}
     return joined(
         "## Ids that the lab knows",
         table(
             ("key", "id", "what it is"),
             [
-                *(("`layout`", f"`{name}`", f"{slots} places for objects") for name, slots in known_layouts().items()),
-                *(("`objects`", f"`{name}`", spec.label) for name, spec in STUDY_OBJECTS.items()),
+                *(
+                    ("`layout`", f"`{name}`", f"{len(layout.places_m)} places for objects")
+                    for name, layout in layouts.items()
+                ),
+                *(("`objects`", f"`{name}`", item.label) for name, item in shipped_objects().items()),
                 *(("`bins`", f"`{name}`", label) for name, label in bins.items()),
                 *(("`surveys`", f"`{name}`", form.title) for name, form in INSTRUMENTS.items()),
             ],

@@ -14,9 +14,9 @@ from app.autonomy.errors import AutonomyError
 from app.autonomy.transition import TransitionModel
 from app.trial.labels import Labels
 from app.trial.values import CycleSetup, RobotTiming, TrialSetup
-from sim.layouts import LAYOUTS, Layout, practice_scene
+from app.trial.world import layout_of
+from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
-from sim.objects import OBJECTS, PRACTICE_OBJECT
 from study.definition.study import SessionPlan, Study
 from study.records import TrialRow
 
@@ -65,7 +65,7 @@ class StudySetup:
     def labels(self) -> Labels:
         """The words for everything that can be named in an instruction."""
         return Labels(
-            objects={name: spec.label for name, spec in OBJECTS.items()},
+            objects={spec.id: spec.label for spec in (*self.layout.objects, self.layout.practice_object)},
             bins={item.id: item.label for item in self.layout.bins},
         )
 
@@ -76,7 +76,7 @@ class StudySetup:
         drawn, settings = plan.trial(trial), self.study.robot
         cycles: tuple[CycleSetup, ...]
         if kind == "practice":
-            cycles = (CycleSetup(practice_scene(self.layout), PRACTICE_OBJECT.id, None),)
+            cycles = (CycleSetup(practice_scene(self.layout), self.layout.practice_object.id, None),)
         else:
             done: set[str] = set()
             made = []
@@ -128,7 +128,7 @@ class StudySetup:
 
 def study_setup(study: Study) -> StudySetup:
     """The study with its layout; alpha is calibrated if any condition asks for it (about a second)."""
-    layout = LAYOUTS[study.layout]
+    layout = layout_of(study)
     setup = StudySetup(study, layout, None)
     if all(condition.alpha != "calibrated" for condition in study.conditions):
         return setup

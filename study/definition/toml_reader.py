@@ -64,8 +64,35 @@ def parse_toml(source: bytes, name: str) -> tuple[dict[str, Any], str]:
         raise StudyFileError([f"{name}:{line}: not valid TOML: {sentence}"]) from None
 
 
-def report(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem]) -> StudyFileError:
-    """The error for these problems: `file:line: field = value: sentence`, in the order of the file."""
+@dataclass(frozen=True)
+class FileBeside:
+    """A file beside the study file whose data stand at a path of the study's: problems there are told of the file."""
+
+    path: FieldPath
+    name: str
+    text: str
+    data: Mapping[str, Any]
+
+
+def report(
+    name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem], beside: Sequence[FileBeside] = ()
+) -> StudyFileError:
+    """The error for these problems: `file:line: field = value: sentence`, in the order of the file.
+
+    Those of a file beside it come after its own, with that file's lines.
+    """
+    found = list(problems)
+    told: list[str] = []
+    for file in beside:
+        depth = len(file.path)
+        inside = [problem for problem in found if problem.path[:depth] == file.path]
+        found = [problem for problem in found if problem not in inside]
+        moved = [Problem(problem.path[depth:], problem.sentence) for problem in inside]
+        told += _sentences(file.name, file.text, file.data, moved)
+    return StudyFileError([*_sentences(name, text, data, found), *told])
+
+
+def _sentences(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem]) -> list[str]:
     lines = line_numbers(text)
     told: dict[tuple[int, str], None] = {}
     for problem in problems:
@@ -75,7 +102,7 @@ def report(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Pro
         present, value = look_up(data, problem.path)
         shown = f" = {show(value)}" if present and not isinstance(value, dict) else ""
         told[(line, f"{place}: {label}{shown}: {problem.sentence}")] = None
-    return StudyFileError([sentence for _, sentence in sorted(told, key=lambda item: item[0])])
+    return [sentence for _, sentence in sorted(told, key=lambda item: item[0])]
 
 
 def closest(word: str, choices: Iterable[str]) -> str:
