@@ -22,7 +22,7 @@ from study.definition.layouts import (
     shipped_layouts,
     shipped_objects,
 )
-from study.definition.study import Study, load_study, parse_study
+from study.definition.study import Study, drafted, load_study, parse_study
 from study.definition.toml_reader import FieldPath, Problem, choices_sentence
 
 FIELDS: Mapping[str, str] = {
@@ -48,6 +48,12 @@ def parse_text(text: str, name: str) -> Study:
 def layout_of(study: Study) -> Layout:
     """The layout of a checked study, with its objects."""
     return robot_layout(study.layout_in_use)
+
+
+def drafted_layout(path: Path) -> Layout | None:
+    """The layout of a study file that may have problems, for a picture of them; None when it cannot be read."""
+    using = drafted(path)
+    return None if using is None else robot_layout(using)
 
 
 def layout_in(settings: Mapping[str, Any]) -> Layout:

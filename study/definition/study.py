@@ -28,6 +28,7 @@ from study.definition.layouts import (
     LayoutSection,
     MeshFile,
     WorldCheck,
+    in_use,
     known_to,
     mesh_names,
     own_layouts,
@@ -58,6 +59,7 @@ __all__ = [
     "Study",
     "StudyFileError",
     "TrialPlan",
+    "drafted",
     "load_study",
     "next_order",
     "orders",
@@ -173,13 +175,7 @@ def load_study(path: Path | str | None, *, world: WorldCheck | None = None) -> S
     cannot reach or hold (`app.trial.world`). Raises `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
-    source = _read(file)
-    data, _ = parse_toml(source, str(file))
-    problems: list[str] = []
-    added, beside = _layout_beside(file, data, problems)
-    added = [*_questionnaires_beside(file, data, problems), *added]
-    if added:
-        source = b"".join([source.rstrip(b"\n"), b"\n", *(text.encode() for text in added)])
+    source, beside, problems = _with_files_beside(file)
     try:
         study = parse_study(source, name=str(file), world=world, beside=beside)
     except StudyFileError as error:
@@ -187,6 +183,27 @@ def load_study(path: Path | str | None, *, world: WorldCheck | None = None) -> S
     if problems:
         raise StudyFileError(problems)
     return study
+
+
+def drafted(path: Path) -> LayoutInUse | None:
+    """The layout of a study file that may have problems, for a picture of them; None when it cannot be read."""
+    try:
+        source, _, _ = _with_files_beside(path)
+        return in_use(parse_toml(source, str(path))[0])
+    except StudyFileError:
+        return None
+
+
+def _with_files_beside(file: Path) -> tuple[bytes, list[FileBeside], list[str]]:
+    """A study file's text with that of the files beside it, those files, and what keeps one from being read."""
+    source = _read(file)
+    data, _ = parse_toml(source, str(file))
+    problems: list[str] = []
+    added, beside = _layout_beside(file, data, problems)
+    added = [*_questionnaires_beside(file, data, problems), *added]
+    if added:
+        source = b"".join([source.rstrip(b"\n"), b"\n", *(text.encode() for text in added)])
+    return source, beside, problems
 
 
 def _questionnaires_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> list[str]:
