@@ -174,6 +174,7 @@ def _instructions(session: Session, context: PageContext) -> dict[str, Any]:
 
 
 def _driving(session: Session, context: PageContext) -> dict[str, Any]:
+    looks = context.study.layout_in_use.looks()
     return {
         "scene": context.scene_path,
         "views": [{"name": name, "label": label} for name, label in VIEWS],
@@ -182,6 +183,7 @@ def _driving(session: Session, context: PageContext) -> dict[str, Any]:
         "running": session.is_ticking,
         "ready": context.worker_ready,
         "away_min_s": context.study.distractor.away_min_s,
+        **({"looks": looks} if looks else {}),
     }
 
 
