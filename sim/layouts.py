@@ -288,14 +288,16 @@ def _aisle_problems(layout: Layout) -> Iterator[WorldProblem]:
             f"the aisle at x {layout.aisle_x_m:g} m is too near the objects, the first at x {nearest_m:g} m: at most "
             f"{last_m:.3f} m",
         )
-    y_m = [item.release_world_m[1] for item in layout.bins]
+    y_m = [item.release_world_m[1] for item in layout.bins if not ik.solve(item.release_world_m)[1]]
     if not y_m:
         return
     along = np.array([[0.0, max(y_m) - min(y_m), 0.0]])
-    for height_m in sorted({spec.grasp_height_m for spec in (*layout.objects, layout.practice_object)}):
-        z_m = layout.table.top_z_m + height_m + LIFT_M
-        if not ik.segment_feasible((layout.aisle_x_m, min(y_m), z_m), along)[0]:
-            yield WorldProblem(where, f"the aisle at x {layout.aisle_x_m:g} m, z {z_m:.2f} m leaves the reach")
+    heights_m = sorted({spec.grasp_height_m for spec in (*layout.objects, layout.practice_object)})
+    carried_z_m = [layout.table.top_z_m + height_m + LIFT_M for height_m in heights_m]
+    lost = [z_m for z_m in carried_z_m if not ik.segment_feasible((layout.aisle_x_m, min(y_m), z_m), along)[0]]
+    if lost:
+        spelt = ", ".join(f"{z_m:.2f}" for z_m in lost)
+        yield WorldProblem(where, f"the aisle at x {layout.aisle_x_m:g} m, z {spelt} m leaves the reach")
 
 
 def _spell(numbers: Sequence[float]) -> str:

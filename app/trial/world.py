@@ -100,6 +100,8 @@ def world_problems(using: LayoutInUse) -> Iterator[Problem]:
     """What the robot cannot reach or hold, and what cannot be drawn, in a layout of the study file."""
     own = {item.id: number for number, item in enumerate(using.layout.objects)}
     for problem in _problems(robot_layout(using)):
+        if problem.place[-1:] == ("id",):
+            continue  # ids that repeat are told already
         yield Problem(_path(problem, using, own), problem.sentence)
     chosen = {item.id for item in using.objects}
     for number, item in enumerate(using.layout.objects):
@@ -125,7 +127,10 @@ def _path(problem: WorldProblem, using: LayoutInUse, own: Mapping[str, int]) -> 
     if problem.place[:1] == ("objects",):
         _, number, *field = problem.place
         return ("objects", own[using.objects[int(number)].id], *field)
-    return tuple(FIELDS.get(part, part) if isinstance(part, str) else part for part in problem.place)
+    path = tuple(FIELDS.get(part, part) if isinstance(part, str) else part for part in problem.place)
+    if path[-1:] == ("release_m",) and using.layout.bins[int(path[1])].release_m is None:
+        return (*path[:-1], "center_m")  # it follows from there
+    return path
 
 
 def _spec(item: LayoutObject, meshes: Mapping[str, str]) -> ObjectSpec:
