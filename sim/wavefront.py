@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.interface import Rgb, SimError
-from sim.meshes import Mesh
+from sim.meshes import FloatArray, Mesh
 
 MOST_TRIANGLES = 10_000
 """What a browser without a graphics card draws beside seven more."""
@@ -57,6 +57,42 @@ def read_obj(text: str, color: Rgb) -> Mesh:
         raise SimError(f"flat along {' and '.join(flat)}: a mesh has some size along x, y and z")
     srgba = np.concatenate([np.array(read.colors)[owners], np.ones((len(owners), 1))], axis=1)
     return Mesh(vertices, np.array(read.triangles, dtype=np.int64), srgba)
+
+
+def silhouette(mesh: Mesh, rows: int = 60) -> str:
+    """The mesh as one sees it from the robot, as an SVG path in a square of 100 by 100 that it fills.
+
+    The path is a stack of thin strips, so that holes and handles show whatever the mesh is made of.
+    """
+    low_m, high_m = mesh.bounds_m
+    across = 100.0 * (high_m[1] - mesh.vertices_m[:, 1]) / (high_m[1] - low_m[1])  # +y is the robot's left
+    down = 100.0 * (high_m[2] - mesh.vertices_m[:, 2]) / (high_m[2] - low_m[2])
+    high = 100.0 / rows
+    parts = []
+    for row in range(rows):
+        for begin, end in _covered(across[mesh.faces], down[mesh.faces], (row + 0.5) * high):
+            parts.append(f"M{begin:.1f} {row * high:.1f}H{end:.1f}v{high + 0.4:.1f}H{begin:.1f}z")
+    return "".join(parts)
+
+
+def _covered(across: FloatArray, down: FloatArray, at: float) -> list[tuple[float, float]]:
+    """Where triangles, (N, 3) each way, cover the line `down` = `at`: stretches that do not touch."""
+    left, right = np.full(len(down), np.inf), np.full(len(down), -np.inf)
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        fall = down[:, other] - down[:, one]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (at - down[:, one]) / fall
+        crosses = (fall != 0.0) & (share >= 0.0) & (share <= 1.0)
+        place = across[:, one] + np.where(crosses, share, 0.0) * (across[:, other] - across[:, one])
+        left = np.where(crosses, np.minimum(left, place), left)
+        right = np.where(crosses, np.maximum(right, place), right)
+    found: list[tuple[float, float]] = []
+    for begin, end in sorted(zip(left[left <= right].tolist(), right[left <= right].tolist(), strict=True)):
+        if found and begin <= found[-1][1] + 0.2:
+            found[-1] = (found[-1][0], max(found[-1][1], end))
+        else:
+            found.append((begin, end))
+    return found
 
 
 def _point(read: _Read, words: list[str], own: tuple[float, float, float]) -> None:

@@ -11,6 +11,7 @@ import { h, s } from "../common/dom.js";
  * @property {string} color
  * @property {[number, number, number]} [size_m] of an object
  * @property {string} [drawing] id of the object that ships and that it looks like, "" = its shape
+ * @property {string} [outline] of an object with a mesh: its silhouette, a path in a square of 100 by 100
  * @property {string} [letter] on a bin
  */
 
@@ -118,16 +119,20 @@ const brightness = (color) =>
   );
 
 /**
- * An upright can or carton in its proportions, with a band, as the scene shows it.
+ * A mesh's silhouette, or an upright can or carton with a band, in its proportions, as the scene shows it.
  *
  * @param {Look} look
  * @returns {SVGElement[]}
  */
-function solid({ shape, color, size_m = [0.06, 0.06, 0.12] }) {
+function solid({ shape, color, outline, size_m = [0.06, 0.06, 0.12] }) {
   const [, wide_m, high_m] = size_m;
   const scale = Math.min(56 / wide_m, 92 / high_m);
   const [width, height] = [wide_m * scale, high_m * scale];
   const [left, top] = [50 - width / 2, 110 - height];
+  if (outline) {
+    const place = `translate(${left} ${top}) scale(${width / 100} ${height / 100})`;
+    return [s("path", { d: outline, fill: color, stroke: "none", transform: place })];
+  }
   const band = brightness(color) > 200 ? DARK : WHITE;
   const marked = (/** @type {number} */ rounded) => [
     rect(left, top, width, height, color, rounded),

@@ -205,15 +205,6 @@ class LayoutInUse:
     """Text of each mesh file, by name."""
     practice_object: LayoutObject = field(default_factory=lambda: practice_object())
 
-    def looks(self) -> dict[str, dict[str, Any]]:
-        """How the participant's page draws the layout's own objects and bins, by id: it knows those that ship."""
-        objects = {
-            item.id: {"shape": item.shape, "size_m": item.size_m, "color": item.color, "drawing": item.drawing}
-            for item in self.layout.objects
-        }
-        bins = {item.id: {"shape": "bin", "color": item.color, "letter": item.sign} for item in self.layout.bins}
-        return {} if self.layout.id in shipped_layouts() else {**objects, **bins}
-
 
 WorldCheck = Callable[[LayoutInUse], Iterable[Problem]]
 """Tells what is wrong with a layout in the robot's world; paths begin inside the layout's table."""
