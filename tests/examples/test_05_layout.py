@@ -121,6 +121,7 @@ def test_the_papers_heatmap_has_its_objects() -> None:
     assert (figure.goals[0].x_m, figure.goals[0].y_m) == setup().layout.places[0]
 
 
+@pytest.mark.slow
 def test_it_runs_live_in_lockstep(start_lab: Callable[..., LabServer], tmp_path: Path) -> None:
     text = setup().study.source_text.replace("pickups_per_trial = 3", "pickups_per_trial = 1", 1)
     (tmp_path / "alone.toml").write_text(text, encoding="utf-8")  # as it is stored: no other file is needed
@@ -134,6 +135,7 @@ def test_it_runs_live_in_lockstep(start_lab: Callable[..., LabServer], tmp_path:
     assert (out / "study.toml").read_text(encoding="utf-8") == text
 
 
+@pytest.mark.slow
 def test_the_export_and_the_report_need_no_other_file(tmp_path: Path) -> None:
     people = ["--participants", "2", "--seed", "1"]
     assert main(["simulate", "--study", str(STUDY), *people, "--out", str(tmp_path / "out")]) == 0
