@@ -131,8 +131,8 @@ def study_file() -> str:
         rows = [
             (
                 f"`{name}`",
-                kind(inner["properties"][name], defs),
-                default(name, inner),
+                kind(inner["properties"][name], defs).removesuffix(_OR_NULL),
+                default(name, inner).replace("`null`", ""),
                 _meaning(item, name, texts, said),
             )
             for name in own_keys(item.model)
@@ -146,6 +146,10 @@ def study_file() -> str:
             table(("key", "value", "default", "meaning"), rows),
         ]
     return joined(*parts, _ids())
+
+
+_OR_NULL = " or `null`"
+"""TOML has no null: such a key is left out, and its meaning says what holds then."""
 
 
 def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:

@@ -155,8 +155,7 @@ class LayoutObject(Part):
 
 
 class LayoutFile(Part):
-    """A layout as its own file holds it; its id is the file's name. Lengths in metres: x forward from the robot's base,
-    y to its left, z up from the floor."""
+    """A layout as its own file holds it; its id is the file's name."""
 
     places_m: Annotated[tuple[PointXY, ...], Field(min_length=1, max_length=40)]
     """Where objects may stand on the table, x and y of each; any object on any of them."""
@@ -175,7 +174,9 @@ class LayoutFile(Part):
 
 
 class LayoutSection(LayoutFile):
-    """A layout in the study file. A layout in a file beside it becomes one of these."""
+    """A layout of the study's own. `kitchen.toml` beside the study file has the same keys but for `id`, and its tables
+    are called `[table]`, `[[bins]]` and `[[objects]]` there. Lengths are metres: x forward from the robot's base, y to
+    its left, z up from the floor."""
 
     id: Identifier
     """Its name in `layout`."""
