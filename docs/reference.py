@@ -21,7 +21,6 @@ from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.trial.parts import REGISTRIES
-from app.trial.world import known_layouts
 from app.web.access import ErrorReply
 from app.web.server import create_app
 from docs.words import (
@@ -36,10 +35,9 @@ from docs.words import (
     sentence,
     table,
 )
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.field_types import Part
+from study.definition.layouts import shipped_layouts, shipped_objects
 from study.definition.part_fields import model_of
 from study.definition.study import DEFAULT_STUDY, Study
 from study.flow.steps import STEP_DATA
@@ -135,8 +133,8 @@ def study_file() -> str:
         rows = [
             (
                 f"`{name}`",
-                kind(inner["properties"][name], defs),
-                default(name, inner),
+                kind(inner["properties"][name], defs).removesuffix(_OR_NULL),
+                default(name, inner).replace("`null`", ""),
                 _meaning(item, name, texts, said),
             )
             for name in own_keys(item.model)
@@ -150,6 +148,10 @@ def study_file() -> str:
             table(("key", "value", "default", "meaning"), rows),
         ]
     return joined(*parts, *_part_sections(), _ids())
+
+
+_OR_NULL = " or `null`"
+"""TOML has no null: such a key is left out, and its meaning says what holds then."""
 
 
 def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:
@@ -192,14 +194,18 @@ def _part_sections() -> Iterator[str]:
 
 
 def _ids() -> str:
-    bins = {item.id: item.label for layout in LAYOUTS.values() for item in layout.bins}
+    layouts = shipped_layouts()
+    bins = {item.id: item.label for layout in layouts.values() for item in layout.bins}
     return joined(
         "## Ids that the lab knows",
         table(
             ("key", "id", "what it is"),
             [
-                *(("`layout`", f"`{name}`", f"{slots} places for objects") for name, slots in known_layouts().items()),
-                *(("`objects`", f"`{name}`", spec.label) for name, spec in STUDY_OBJECTS.items()),
+                *(
+                    ("`layout`", f"`{name}`", f"{len(layout.places_m)} places for objects")
+                    for name, layout in layouts.items()
+                ),
+                *(("`objects`", f"`{name}`", item.label) for name, item in shipped_objects().items()),
                 *(("`bins`", f"`{name}`", label) for name, label in bins.items()),
                 *(("`surveys`", f"`{name}`", form.title) for name, form in INSTRUMENTS.items()),
             ],

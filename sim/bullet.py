@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sim import fetch, ik, urdf
 from sim.interface import (
+    BIN_WALL_M,
     SLICE_S,
     Bin,
     GripperState,
@@ -64,7 +65,6 @@ FINGER_STOP_M = 0.001
 FINGER_FRICTION, TABLE_FRICTION, FLOOR_FRICTION, BIN_FRICTION = 1.0, 0.8, 0.8, 0.5
 SPINNING_FRICTION, ROLLING_FRICTION = 0.005, 0.0005
 """Of table, floor and bins only: between fingers and object they would cost half the speed and change nothing."""
-BIN_WALL_M = 0.012
 
 _STATIC_GROUP, _ARM_GROUP, _FLOOR_GROUP = 2, 64, 128
 """Collision groups; the first is bullet's own."""

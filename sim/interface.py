@@ -28,8 +28,14 @@ SLICES_PER_TICK = 15
 TICK_S = 0.5
 SLICE_S = TICK_S / SLICES_PER_TICK
 
+BIN_WALL_M = 0.012
+"""Thickness of a bin's walls, outside its inner size."""
+
 Vector3 = tuple[float, float, float]
 QuaternionWxyz = tuple[float, float, float, float]
+Rgb = tuple[int, int, int]
+"""A display colour, 0 to 255 each."""
+STEEL: Rgb = (150, 158, 166)
 Shape = Literal["cylinder", "box"]
 GripperCommand = Literal["hold", "open", "close"]
 GripperState = Literal["open", "closed", "moving"]
@@ -54,6 +60,17 @@ class Pose:
 
 
 @dataclass(frozen=True)
+class Look:
+    """How an object is drawn: as its shape in its colour, unless it has a drawing or a mesh. No robot reads it."""
+
+    color_rgb: Rgb = STEEL
+    drawing: str = ""
+    """Name of a drawing of `sim.props`; it has colours of its own."""
+    mesh_obj: str = ""
+    """Text of a Wavefront OBJ file."""
+
+
+@dataclass(frozen=True)
 class ObjectSpec:
     """A graspable object. `size_m` is (x, y, z); a cylinder has x = y = diameter. The origin is the centre."""
 
@@ -65,6 +82,7 @@ class ObjectSpec:
     friction: float
     grasp_height_m: float
     """Height above the object's base at which the fingers close."""
+    look: Look = Look()
 
 
 @dataclass(frozen=True)
@@ -116,6 +134,9 @@ class Bin:
     inner_size_m: tuple[float, float]
     height_m: float
     release_world_m: Vector3
+    color_rgb: Rgb = STEEL
+    letter: str = ""
+    """What is written on it."""
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Horizontal distance from (x, y) to the bin's opening, 0 inside."""
@@ -132,6 +153,8 @@ class SceneSpec:
     bins: tuple[Bin, ...]
     objects: tuple[PlacedObject, ...]
     start_world_m: Vector3
+    gone: tuple[ObjectSpec, ...] = ()
+    """What stood there in earlier cycles; for pictures, no robot reads it."""
 
     def object(self, object_id: str) -> PlacedObject:
         """The placed object of that id; `SimError` names the ones there are."""

@@ -15,10 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.interface import SimError
+from sim.interface import Rgb, SimError
 
 Material = Literal["lit", "unlit", "blend"]
-Rgb = tuple[int, int, int]
 FloatArray = NDArray[np.float64]
 
 

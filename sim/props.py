@@ -1,20 +1,22 @@
-"""What stands around the robot: six spill-cleaning things, the practice block, table, bins, floor, depth cues.
+"""What stands around the robot: objects, table, bins, floor, depth cues.
 
-Shapes differ before colours do, and the colours are those of Okabe and Ito (2008, "Color Universal Design"), which
-people with any common colour vision tell apart. Everything is drawn at the size the physics uses.
+An object is drawn by its look: one of the drawings here, a mesh of its own, or its shape in its colour with a white
+band. Of the drawings, shapes differ before colours do, and the colours are those of Okabe and Ito (2008, "Color
+Universal Design"), which people with any common colour vision tell apart. Everything is drawn at the size the physics
+uses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 import numpy as np
 
-from sim.interface import Bin, ObjectSpec, Table
+from sim.interface import BIN_WALL_M, STEEL, Bin, ObjectSpec, Rgb, SimError, Table
 from sim.meshes import (
     FloatArray,
     Mesh,
-    Rgb,
     ball,
     box,
     circle,
@@ -26,6 +28,7 @@ from sim.meshes import (
     rectangle,
     rod,
 )
+from sim.wavefront import read_obj
 
 BLUE: Rgb = (0, 114, 178)
 SKY: Rgb = (86, 180, 233)
@@ -37,12 +40,10 @@ WHITE: Rgb = (246, 246, 242)
 CREAM: Rgb = (236, 228, 208)
 CARDBOARD: Rgb = (160, 118, 76)
 DARK: Rgb = (44, 50, 58)
-STEEL: Rgb = (150, 158, 166)
 
 FLOOR: Rgb = (96, 106, 118)
 TABLE_TOP: Rgb = (205, 200, 190)
 TABLE_SIDE: Rgb = (128, 124, 118)
-BIN_COLORS: Mapping[str, Rgb] = {"left": (0, 114, 178), "right": (230, 140, 0)}
 
 
 def _spray_bottle() -> Mesh:
@@ -185,7 +186,7 @@ def _practice_block() -> Mesh:
     return merge(body, *bands)
 
 
-_MAKERS: Mapping[str, Callable[[], Mesh]] = {
+_DRAWINGS: Mapping[str, Callable[[], Mesh]] = {
     "spray_bottle": _spray_bottle,
     "bleach_bottle": _bleach_bottle,
     "paper_towels": _paper_towels,
@@ -194,21 +195,61 @@ _MAKERS: Mapping[str, Callable[[], Mesh]] = {
     "sponge_pack": _sponge_pack,
     "practice_block": _practice_block,
 }
+DRAWINGS = tuple(_DRAWINGS)
+"""What an object can be drawn as, whatever its id."""
 
 
 def object_mesh(spec: ObjectSpec) -> Mesh:
     """The look of an object, its bounding box exactly `spec.size_m` about the origin.
 
-    An id without a shape of its own is drawn as a plain cylinder or box.
+    Raises:
+        SimError: no such drawing, or a mesh that cannot be read.
     """
-    maker = _MAKERS.get(spec.id)
-    if maker is not None:
-        mesh = maker()
+    look = spec.look
+    if look.drawing:
+        if look.drawing not in _DRAWINGS:
+            raise SimError(f"no drawing {look.drawing!r}; drawings are {', '.join(DRAWINGS)}")
+        mesh = _DRAWINGS[look.drawing]()
+    elif look.mesh_obj:
+        mesh = read_obj(look.mesh_obj, look.color_rgb)
     elif spec.shape == "cylinder":
-        mesh = lathe([(0.5, -0.5), (0.5, 0.5)], STEEL)
+        mesh = _can(spec, look.color_rgb)
     else:
-        mesh = box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), STEEL)
+        mesh = _carton(spec, look.color_rgb)
     return mesh.fitted(spec.size_m)
+
+
+def _band(color: Rgb) -> Rgb:
+    """White, or dark on something that is nearly white."""
+    return DARK if min(color) > 200 else WHITE
+
+
+def _can(spec: ObjectSpec, color: Rgb) -> Mesh:
+    x_m, _, z_m = spec.size_m
+    half_m, rim_m = z_m / 2.0, min(0.006, x_m / 8.0)
+    body = lathe(
+        [
+            (x_m / 2.0 - rim_m, -half_m),
+            (x_m / 2.0, -half_m + rim_m),
+            (x_m / 2.0, half_m - rim_m),
+            (x_m / 2.0 - rim_m, half_m),
+        ],
+        color,
+        n=26,
+    )
+    band = lathe([(x_m / 2.0 + 0.0004, -0.25 * z_m), (x_m / 2.0 + 0.0004, 0.1 * z_m)], _band(color), n=26)
+    return merge(body, band)
+
+
+def _carton(spec: ObjectSpec, color: Rgb) -> Mesh:
+    x_m, y_m, z_m = spec.size_m
+    bevel_m = min(0.006, x_m / 8.0, y_m / 8.0)
+    body = box(spec.size_m, (0.0, 0.0, 0.0), color, bevel_m=bevel_m)
+    low, high = (
+        rectangle(x_m + 0.0006, y_m + 0.0006, share * z_m, corner_m=bevel_m * 1.5, per_corner=4)
+        for share in (-0.25, 0.1)
+    )
+    return merge(body, loft([low, high], _band(color), bottom=False, top=False))
 
 
 def shaded(mesh: Mesh, *, dark_share: float = 0.0) -> Mesh:
@@ -244,39 +285,68 @@ def table_mesh(table: Table) -> Mesh:
     return merge(*parts, *edge)
 
 
-def bin_side(target: Bin) -> str:
-    """`left` or `right` of the robot (y is left), which chooses colour and letter."""
-    return "left" if target.center_xy_m[1] >= 0.0 else "right"
+_STROKES: Mapping[str, str] = {
+    "A": "00 26 40|12 32",
+    "B": "00 06 36 45 44 33 03|33 42 41 30 00",
+    "C": "45 36 16 05 01 10 30 41",
+    "D": "00 06 26 44 42 20 00",
+    "E": "40 00 06 46|03 33",
+    "F": "00 06 46|03 33",
+    "G": "45 36 16 05 01 10 30 41 43 23",
+    "H": "00 06|40 46|03 43",
+    "I": "20 26|10 30|16 36",
+    "J": "01 10 20 31 36",
+    "K": "00 06|46 03 40",
+    "L": "06 00 40",
+    "M": "00 06 23 46 40",
+    "N": "00 06 40 46",
+    "O": "10 01 05 16 36 45 41 30 10",
+    "P": "00 06 36 45 44 33 03",
+    "Q": "10 01 05 16 36 45 41 30 10|22 40",
+    "R": "00 06 36 45 44 33 03|23 40",
+    "S": "45 36 16 05 04 13 33 42 41 30 10 01",
+    "T": "20 26|06 46",
+    "U": "06 01 10 30 41 46",
+    "V": "06 20 46",
+    "W": "06 10 24 30 46",
+    "X": "00 46|06 40",
+    "Y": "06 23 46|23 20",
+    "Z": "06 46 00 40",
+    "0": "10 01 05 16 36 45 41 30 10",
+    "1": "15 26 20|10 30",
+    "2": "05 16 36 45 44 00 40",
+    "3": "05 16 36 45 44 33 42 41 30 10 01|23 33",
+    "4": "30 36 02 42",
+    "5": "46 06 03 33 42 41 30 00",
+    "6": "45 36 16 05 01 10 30 41 42 33 03",
+    "7": "06 46 10",
+    "8": "10 01 05 16 36 45 41 30 10|03 43",
+    "9": "01 10 30 41 45 36 16 05 04 13 43",
+}
+"""The strokes of each letter: corners as x from 0 to 4 and y from 0 to 6, left and low first; `|` lifts the pen."""
 
 
-def _letter(side: str, size_m: float, color: Rgb) -> Mesh:
-    # In the y–z plane facing −x (towards the robot), so that +y is the reader's left.
-    bar = size_m * 0.2
-    depth = 0.003
-
-    def stroke(y_m: float, z_m: float, wide_m: float, high_m: float) -> Mesh:
-        return box((depth, wide_m, high_m), (0, y_m, z_m), color)
-
-    half = size_m / 2
-    if side == "left":
-        return merge(stroke(half * 0.6, 0, bar, size_m), stroke(0, -half + bar / 2, size_m * 0.75, bar))
-    leg = rod((0, half * 0.1, -0.02 * size_m), (0, -half * 0.55, -half + bar * 0.4), bar * 0.5, color, n=8)
-    flat = leg.vertices_m * np.array([0.0, 1.0, 1.0])
-    return merge(
-        stroke(half * 0.6, 0, bar, size_m),
-        stroke(0.05 * size_m, half - bar / 2, size_m * 0.6, bar),
-        stroke(0.05 * size_m, 0, size_m * 0.6, bar),
-        stroke(-half * 0.55, half * 0.5, bar, half),
-        Mesh(flat - [depth / 2, 0, 0], leg.faces, leg.srgba),
-    )
+def _letter(letter: str, size_m: float, color: Rgb) -> Mesh:
+    """A letter of that height in the y–z plane, facing −x (towards the robot), so that +y is the reader's left."""
+    unit_m, bar_m = size_m / 6.0, size_m * 0.18
+    strokes = []
+    for line in _STROKES[letter].split("|"):
+        corners = [((2 - int(at[0])) * unit_m, (int(at[1]) - 3) * unit_m) for at in line.split()]
+        for (y_m, z_m), (to_y_m, to_z_m) in pairwise(corners):
+            along = np.array([to_y_m - y_m, to_z_m - z_m])
+            length_m = float(np.linalg.norm(along))
+            cos, sin = along / length_m
+            bar = box((0.003, length_m + 0.7 * bar_m, bar_m), (0.0, 0.0, 0.0), color)
+            turn = [[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]]
+            strokes.append(bar.turned(turn).moved((0.0, (y_m + to_y_m) / 2.0, (z_m + to_z_m) / 2.0)))
+    return merge(*strokes)
 
 
 def bin_mesh(target: Bin) -> Mesh:
     """An open bin about the middle of its floor, with its letter outside on the robot's side and inside opposite."""
-    side = bin_side(target)
-    color = BIN_COLORS[side]
+    color = target.color_rgb
     x_m, y_m = target.inner_size_m
-    height_m, wall_m = target.height_m, 0.012
+    height_m, wall_m = target.height_m, BIN_WALL_M
 
     def outside(z_m: float) -> FloatArray:
         return rectangle(x_m + 2 * wall_m, y_m + 2 * wall_m, z_m, corner_m=0.03)
@@ -293,12 +363,14 @@ def bin_mesh(target: Bin) -> Mesh:
     collar = loft([outside(height_m - 0.03), outside(height_m)], rim_color, bottom=False, top=False)
     collar = Mesh(collar.vertices_m * [1.004, 1.004, 1.0], collar.faces, collar.srgba)
     size_m = min(0.2, height_m * 0.5, y_m * 0.6)
-    letter = _letter(side, size_m, WHITE)
-    marks = [
-        letter.moved((-x_m / 2 - wall_m - 0.002, 0, height_m * 0.62)),
-        letter.moved((x_m / 2 - 0.003, 0, height_m - 0.03 - size_m * 0.62)),
-    ]
-    return merge(skin, lining, bed, rim, shaded(collar), *marks)
+    parts = [skin, lining, bed, rim, shaded(collar)]
+    if target.letter in _STROKES:
+        letter = _letter(target.letter, size_m, WHITE)
+        parts += [
+            letter.moved((-x_m / 2 - wall_m - 0.002, 0, height_m * 0.62)),
+            letter.moved((x_m / 2 - 0.003, 0, height_m - 0.03 - size_m * 0.62)),
+        ]
+    return merge(*parts)
 
 
 def floor_mesh(radius_m: float = 2.0) -> Mesh:

@@ -23,7 +23,6 @@ from sim import fetch, props
 from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.nodes import NodeServer
-from sim.objects import OBJECTS
 from sim.views import DEFAULT_VIEW, VIEWS, CameraView
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
@@ -57,7 +56,8 @@ class _Shown:
     """What the screen shows now."""
 
     scene: SceneSpec | None = None
-    specs: dict[str, ObjectSpec] = field(default_factory=lambda: dict(OBJECTS))
+    specs: dict[str, ObjectSpec] = field(default_factory=dict)
+    """Of everything that a scene has named so far."""
     joints_rad: tuple[float, ...] | None = None
     opening_m: float = 0.0
     poses: Mapping[str, tuple[Vector3, QuaternionWxyz]] = field(default_factory=dict)
@@ -145,12 +145,12 @@ class SceneView:
                 what is on screen stays there until the next `update`.
 
         Raises:
-            SimError: not open, or `delivered` names an object that is neither in the scene nor in `sim.objects`.
+            SimError: not open, or `delivered` names an object that no scene has named.
         """
         shown = self._shown
         self.server.running  # noqa: B018 - says so when it is not open
         shown.scene = scene
-        shown.specs.update({placed.spec.id: placed.spec for placed in scene.objects})
+        shown.specs.update({spec.id: spec for spec in (*scene.gone, *(placed.spec for placed in scene.objects))})
         if shown.joints_rad is not None:
             shown.tween = _Tween(shown.joints_rad, shown.opening_m, self._clock())
         with self.server.batch():

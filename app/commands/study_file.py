@@ -15,6 +15,7 @@ from app.commands.groups import STUDY_FILE
 from app.commands.options import choice
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
+from sim.layouts import Layout
 from study.parts.code import Code
 
 commands = typer.Typer()
@@ -61,13 +62,21 @@ def new(
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="the study file")],
     trust: Annotated[bool, options.trust()] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PICTURE",
+            help="where to draw the layout: a .png, .svg or .pdf; beside the study file if not given",
+        ),
+    ] = None,
 ) -> int:
-    """Tell every problem of a study file at once.
+    """Tell every problem of a study file at once, and draw its layout.
 
     Of a file without one it tells how long a participant takes and how well the arbiter's weight balances.
     """
     from app.trial.setup import calibration_text, study_setup
-    from app.trial.world import open_study
+    from app.trial.world import drafted_layout, layout_of, open_study
+    from study.definition.layouts import shipped_layouts
     from study.definition.study import StudyFileError
     from study.flow.overview import overview
 
@@ -76,6 +85,9 @@ def check(
     except StudyFileError as error:
         for problem in error.problems:
             print(problem, file=sys.stderr)
+        draft = drafted_layout(file)
+        if draft is not None and (picture is not None or draft.name not in shipped_layouts()):
+            _draw(draft, file, picture)
         count = len(error.problems)
         print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
         return 1
@@ -84,10 +96,12 @@ def check(
         print(code_line(code, trust))
     if any(code.is_beside for code in study.codes) and not trust:
         print(f"Not run, and so not checked: that code. Read it, then: salab check {file} --trust")
+        _draw(layout_of(study), file, picture)
         return 0
-    calibration = study_setup(study, trust).calibration
-    if calibration is not None:
-        print(calibration_text(calibration))
+    setup = study_setup(study, trust)
+    if setup.calibration is not None:
+        print(calibration_text(setup.calibration))
+    _draw(setup.layout, file, picture)
     return 0
 
 
@@ -97,6 +111,26 @@ def code_line(code: Code, trust: bool) -> str:
     source = f"{code.package} {code.version}" if code.package else f"{size} bytes beside the study file"
     runs = "runs" if trust or not code.is_beside else "would run"
     return f"{runs} {code.kind} {code.name} from {source}, SHA-256 {code.sha256}"
+
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def _draw(layout: Layout, file: Path, picture: Path | None) -> None:
+    """Draw the layout beside the study file, or where one asked for it, and say where that is."""
+    from app.report.layout_picture import write_layout_picture
+
+    target = picture or file.with_suffix(".layout.png")
+    if target.suffix.lower() not in PICTURES:
+        raise LabError(f"--picture {target}: a picture's name ends in {', '.join(PICTURES)}")
+    try:
+        write_layout_picture(layout, target)
+    except OSError as error:
+        if picture is not None:
+            raise LabError(f"{target}: cannot be written: {error.strerror or error}") from None
+        print(f"layout {layout.name!r} is not drawn: {target} cannot be written: {error.strerror or error}")
+        return
+    print(f"layout {layout.name!r} is drawn in {target}")
 
 
 def new_study_text(title: str, file: Path, preset: str) -> str:

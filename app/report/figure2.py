@@ -5,7 +5,7 @@ As the paper's figure this is a discretised plane: the goals are the layout's ob
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,8 @@ from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
 from app.autonomy.interface import RATIONALITY_PER_M
 from app.autonomy.transition import TransitionModel
-from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, Layout, scene
-from sim.objects import STUDY_OBJECTS
+from app.trial.world import layout_in
+from sim.layouts import Layout, scene
 from study.analysis.dataset import DataSet
 from study.analysis.figures import Heatmap, HeatmapGoal
 
@@ -29,8 +29,8 @@ def fig2_heatmap(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
 
     What is not stated there is the shipped study's: layout `arc` with its objects, and the model of `app.autonomy`.
     """
-    layout = LAYOUTS.get(str(settings.get("layout", "")), LAYOUTS[DEFAULT_LAYOUT])
-    placed = _placed(layout, settings.get("objects"))
+    layout = layout_in(settings)
+    placed = _placed(layout)
     transition = parameters.get("transition", {})
     model = TransitionModel(**transition) if transition else TransitionModel()
     rationality_per_m = float(parameters.get("rationality_per_m", RATIONALITY_PER_M))
@@ -78,9 +78,8 @@ def heatmap_of(data: DataSet) -> Heatmap | None:
         return None
 
 
-def _placed(layout: Layout, objects: Sequence[str] | None) -> dict[str, tuple[float, float, float]]:
-    names = [name for name in objects or STUDY_OBJECTS if name in STUDY_OBJECTS][: len(layout.slots)]
-    placed = scene(layout, names or list(STUDY_OBJECTS)).objects
+def _placed(layout: Layout) -> dict[str, tuple[float, float, float]]:
+    placed = scene(layout, [spec.id for spec in layout.objects[: len(layout.places)]]).objects
     return {item.spec.id: (*item.base_world_m[:2], item.base_world_m[2] + item.spec.grasp_height_m) for item in placed}
 
 

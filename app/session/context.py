@@ -17,6 +17,7 @@ from app.session.round_trips import RoundTrips
 from app.session.running_trial import RunningTrial
 from app.session.spectators import Spectators
 from app.session.worker_link import WorkerLink
+from app.trial.looks import looks_of
 from app.trial.values import CycleStart, cycle_to_json
 from app.wire import Instruction, Page, Status
 from study.flow.distractor import DistractorState
@@ -137,6 +138,7 @@ class SessionContext:
             worker_ready=self.link.ready,
             public_id=self.enrolment.public_id,
             ids=self.enrolment.ids,
+            looks=looks_of(self.services.study),
         )
         return pages.page(self.session, context)
 

@@ -109,6 +109,8 @@ class PageContext:
     public_id: str = ""
     ids: Mapping[str, str] = field(default_factory=dict)
     """The ids of the open link the participant came over, by parameter."""
+    looks: Mapping[str, Any] = field(default_factory=dict)
+    """How the objects and bins of a layout of the study's own are drawn (`app.trial.looks`)."""
 
 
 def page(session: Session, context: PageContext) -> Page:
@@ -182,6 +184,7 @@ def _driving(session: Session, context: PageContext) -> dict[str, Any]:
         "running": session.is_ticking,
         "ready": context.worker_ready,
         "away_min_s": context.study.distractor.away_min_s,
+        **({"looks": context.looks} if context.looks else {}),
     }
 
 

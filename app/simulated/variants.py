@@ -78,6 +78,8 @@ def _replaced(text: str, section: str, key: str, value: Any) -> str:
     lines = text.split("\n")
     here, header = "", None
     for number, line in enumerate(lines):
+        if line == "[[code]]":
+            break  # the lab wrote what follows, and it may hold anything
         found = re.match(r"\s*\[+([^\]]+)\]+\s*(#.*)?$", line)
         if found:
             here = found.group(1).strip()

@@ -17,9 +17,9 @@ from app.autonomy.transition import TransitionModel
 from app.trial.labels import Labels
 from app.trial.parts import make_arbiter, make_inference, shelf
 from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
-from sim.layouts import LAYOUTS, Layout, practice_scene
+from app.trial.world import layout_of
+from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
-from sim.objects import OBJECTS, PRACTICE_OBJECT
 from study.definition.named_parts import parameters_of
 from study.definition.part_fields import made, parameter_problems
 from study.definition.sections import MODEL_FIELDS, ArbiterSettings
@@ -74,7 +74,7 @@ class StudySetup:
     def labels(self) -> Labels:
         """The words for everything that can be named in an instruction."""
         return Labels(
-            objects={name: spec.label for name, spec in OBJECTS.items()},
+            objects={spec.id: spec.label for spec in (*self.layout.objects, self.layout.practice_object)},
             bins={item.id: item.label for item in self.layout.bins},
         )
 
@@ -85,7 +85,7 @@ class StudySetup:
         drawn, settings = plan.trial(trial), self.study.robot
         cycles: tuple[CycleSetup, ...]
         if kind == "practice":
-            cycles = (CycleSetup(practice_scene(self.layout), PRACTICE_OBJECT.id, None),)
+            cycles = (CycleSetup(practice_scene(self.layout), self.layout.practice_object.id, None),)
         else:
             done: set[str] = set()
             made = []
@@ -157,7 +157,7 @@ def study_setup(study: Study, trust: bool = False) -> StudySetup:
     Raises `PartError` with one line for a part that cannot be used: code beside the study file that is not trusted, a
     package that is not the one the study was made with, a class that is broken.
     """
-    held, layout = shelf(trust), LAYOUTS[study.layout]
+    held, layout = shelf(trust), layout_of(study)
     calibration: Calibration | None = None
     arbiters, inferences = {}, {}
     for condition in study.conditions:

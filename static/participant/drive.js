@@ -14,7 +14,16 @@ import { Scene } from "./scene.js";
 /** @import { CameraView } from "./scene.js" */
 /** @import { Context, PageOf, View } from "./view.js" */
 /** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "ready" | Tick["status"]} Sign */
-/** @typedef {{ scene: string, views: CameraView[], instruction: Instruction | null, tasks: number, ready: boolean }} Driving */
+/** @import { Look } from "./picture.js" */
+/**
+ * @typedef {object} Driving
+ * @property {string} scene
+ * @property {CameraView[]} views
+ * @property {Instruction | null} instruction
+ * @property {number} tasks
+ * @property {boolean} ready
+ * @property {Record<string, Look>} [looks] with a layout of the study's own: how its objects and bins are drawn, by id
+ */
 /** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
 /** @typedef {PageOf<Driving & { can_resume: boolean, text: string }, "paused">} PausedPage */
 
@@ -57,6 +66,8 @@ export class DriveView {
     this.start = null;
     this.dialogOpen = false;
     this._instruction = "";
+    /** @type {Record<string, Look>} */
+    this.looks = {};
     this._noticeTimer = 0;
     this.signIcon = h("span", { class: "sign-icon" });
     this.signText = h("strong", {});
@@ -168,6 +179,7 @@ export class DriveView {
         // The first thing this tab sees of the round, after a reload.
         this.key = `paused:${page.trial}`;
         this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
+        this.looks = page.content.looks ?? {};
         if (page.content.instruction) this._instruct(page.content.instruction);
         this._drawProgress(0, page.content.tasks);
       }
@@ -185,6 +197,7 @@ export class DriveView {
         this._drawProgress(0, content.tasks);
       }
       this.scene.show({ src: content.scene, key, views: content.views });
+      this.looks = content.looks ?? {};
       if (content.instruction) this._instruct(content.instruction);
       this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
       this.status = content.ready === false ? "starting" : null;
@@ -273,7 +286,7 @@ export class DriveView {
     setText(this.words, instruction.text);
     this.words.classList.toggle("long", instruction.text.length > 48);
     this.instruction.dataset.kind = instruction.kind;
-    this.pictures.replaceChildren(...instructionPicture(instruction));
+    this.pictures.replaceChildren(...instructionPicture(instruction, this.looks));
   }
 
   /**

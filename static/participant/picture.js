@@ -1,8 +1,19 @@
 // Drawings for the instruction card: the same shapes and colours as the objects and bins of the scene (sim/props.py).
+// Those that ship are drawn here; for those of a study's own layout the page is told the look.
 
 import { h, s } from "../common/dom.js";
 
 /** @import { Instruction } from "../../tests/javascript/wire.d.ts" */
+
+/**
+ * @typedef {object} Look how an object or bin of a study's own layout is drawn
+ * @property {"cylinder" | "box" | "bin"} shape
+ * @property {string} color
+ * @property {[number, number, number]} [size_m] of an object
+ * @property {string} [drawing] id of the object that ships and that it looks like, "" = its shape
+ * @property {string} [outline] of an object with a mesh: its silhouette, a path in a square of 100 by 100
+ * @property {string} [letter] on a bin
+ */
 
 const BLUE = "#0072b2";
 const SKY = "#56b4e9";
@@ -100,9 +111,41 @@ const DRAWINGS = {
   right_bin: () => bin(ORANGE, "R"),
 };
 
+/** @type {(color: string) => number} how bright `#rrggbb` is to the eye, 0 to 255 */
+const brightness = (color) =>
+  [0.299, 0.587, 0.114].reduce(
+    (sum, share, channel) => sum + share * Number.parseInt(color.slice(1 + 2 * channel, 3 + 2 * channel), 16),
+    0,
+  );
+
+/**
+ * A mesh's silhouette, or an upright can or carton with a band, in its proportions, as the scene shows it.
+ *
+ * @param {Look} look
+ * @returns {SVGElement[]}
+ */
+function solid({ shape, color, outline, size_m = [0.06, 0.06, 0.12] }) {
+  const [, wide_m, high_m] = size_m;
+  const scale = Math.min(56 / wide_m, 92 / high_m);
+  const [width, height] = [wide_m * scale, high_m * scale];
+  const [left, top] = [50 - width / 2, 110 - height];
+  if (outline) {
+    const place = `translate(${left} ${top}) scale(${width / 100} ${height / 100})`;
+    return [s("path", { d: outline, fill: color, stroke: "none", transform: place })];
+  }
+  const band = brightness(color) > 200 ? DARK : WHITE;
+  const marked = (/** @type {number} */ rounded) => [
+    rect(left, top, width, height, color, rounded),
+    rect(left, top + 0.4 * height, width, 0.35 * height, band),
+  ];
+  if (shape === "box") return marked(4);
+  const lid = Math.min(6, width / 8);
+  return [...marked(5), oval(50, top + lid / 2, width / 2, lid, color)];
+}
+
 /**
  * @param {string} color
- * @param {"L" | "R"} letter
+ * @param {string} letter
  * @returns {SVGElement[]}
  */
 function bin(color, letter) {
@@ -118,7 +161,7 @@ function bin(color, letter) {
         "text-anchor": "middle",
         "font-size": 50,
         "font-weight": 800,
-        fill: letter === "R" ? DARK : WHITE,
+        fill: brightness(color) > 120 ? DARK : WHITE,
         "font-family": "sans-serif",
       },
       letter,
@@ -144,13 +187,16 @@ const unknown = () => [
 ];
 
 /**
- * A drawing of an object or bin; an unknown id gets a neutral box. The words beside it name it.
+ * A drawing of an object or bin; an unknown id without a look gets a neutral box. The words beside it name it.
  *
  * @param {string} id
+ * @param {Look} [look]
  * @returns {SVGSVGElement}
  */
-export function drawing(id) {
-  const draw = (Object.hasOwn(DRAWINGS, id) && DRAWINGS[id]) || unknown;
+export function drawing(id, look) {
+  const known = look?.drawing || id;
+  const own = () => (look?.shape === "bin" ? bin(look.color, look.letter ?? "") : look ? solid(look) : unknown());
+  const draw = look && !look.drawing ? own : (Object.hasOwn(DRAWINGS, known) && DRAWINGS[known]) || unknown;
   const outline = { stroke: "#1d2530", "stroke-opacity": 0.55, "stroke-width": 1.2 };
   return s(
     "svg",
@@ -163,14 +209,15 @@ export function drawing(id) {
  * What an instruction is about: the object, and the bin once one is named; the one that matters now is framed.
  *
  * @param {Pick<Instruction, "kind" | "object" | "object_label" | "bin" | "bin_label">} instruction
+ * @param {Record<string, Look>} [looks] of a layout of the study's own, by id
  * @returns {Element[]}
  */
-export function instructionPicture({ kind, object, object_label, bin: into, bin_label }) {
+export function instructionPicture({ kind, object, object_label, bin: into, bin_label }, looks = {}) {
   const figure = (/** @type {string} */ id, /** @type {string | null} */ label, /** @type {boolean} */ now) =>
     h(
       "figure",
       { class: now ? "stage now" : "stage" },
-      drawing(id),
+      drawing(id, looks[id]),
       h("figcaption", {}, label ?? id.replaceAll("_", " ")),
     );
   const arrow = () =>

@@ -5,38 +5,38 @@ The checks read unchecked data, so that one pass over a file tells everything th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.definition.layouts import WorldCheck, known_bins, known_objects, known_places, layout_problems
 from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import DistractorSettings, Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
 
 
-def cross_problems(
-    data: Mapping[str, Any],
-    layouts: Collection[str],
-    objects: Collection[str],
-    bins: Collection[str] | None,
-) -> Iterator[Problem]:
-    """Every clash in the data; `layouts` may map a layout to its number of slots (see `study.load_study`)."""
+def cross_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterator[Problem]:
+    """Every clash in the data; `world` tells what the robot cannot reach or hold."""
+    places = known_places(data)
     layout = data.get("layout")
-    if isinstance(layout, str) and layout not in layouts:
-        yield Problem(("layout",), choices_sentence(layout, layouts, "layouts"))
-    known = {"objects": objects, "bins": bins, "surveys": (*INSTRUMENTS, *own_ids(data))}
-    for field, choices in known.items():
+    is_layout_known = isinstance(layout, str) and layout in places
+    if isinstance(layout, str) and not is_layout_known:
+        yield Problem(("layout",), choices_sentence(layout, places, "layouts") + _or_own(layout))
+    known: dict[str, Sequence[str]] = {"surveys": (*INSTRUMENTS, *own_ids(data))}
+    if is_layout_known or layout is None:  # whose objects and bins an unknown one has, nobody can tell
+        known = {"objects": known_objects(data), "bins": known_bins(data), **known}
+    for field in ("objects", "bins", "surveys"):
         names = _texts(data.get(field))
         for position, name in names:
-            if choices is not None and name not in choices:
-                hint = f", or your own in {name}.toml beside this file" if field == "surveys" else ""
-                yield Problem((field, position), choices_sentence(name, choices, field) + hint)
+            if field in known and name not in known[field]:
+                hint = _or_own(name) if field == "surveys" else ""
+                yield Problem((field, position), choices_sentence(name, known[field], field) + hint)
         yield from _repeated(field, [(position, name, (field, position)) for position, name in names])
     chosen = len(_texts(data.get("objects")))
-    slots = layouts.get(layout) if isinstance(layouts, Mapping) and isinstance(layout, str) else None
-    if isinstance(slots, int) and chosen > slots:
-        yield Problem(("objects",), f"has {chosen} entries, layout {layout!r} has room for {slots}")
+    room = places.get(layout) if isinstance(layout, str) else None
+    if room is not None and chosen > room:
+        yield Problem(("objects",), f"has {chosen} entries, layout {layout!r} has room for {room}")
     pickups = data.get("pickups_per_trial", 3)
     if isinstance(pickups, int) and chosen and pickups > chosen:
         yield Problem(("pickups_per_trial",), f"must be at most {chosen}, the number of objects")
@@ -48,6 +48,7 @@ def cross_problems(
         (("conditions",), data.get("conditions")),
         (("demographics",), data.get("demographics")),
         (("questionnaires",), data.get("questionnaires")),
+        (("layouts",), data.get("layouts")),
         (("instructions", "questions"), questions),
         (("texts", "debrief_questions"), open_questions),
     ):
@@ -58,6 +59,11 @@ def cross_problems(
     yield from _distractor_problems(data.get("distractor"))
     yield from _recruitment_problems(data.get("recruitment"))
     yield from questionnaire_problems(data)
+    yield from layout_problems(data, world)
+
+
+def _or_own(name: str) -> str:
+    return f", or your own in {name}.toml beside this file"
 
 
 def _option_problems(place: tuple[Any, ...], entry: Mapping[str, Any]) -> Iterator[Problem]:

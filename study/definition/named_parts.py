@@ -11,6 +11,7 @@ from study.definition.field_types import Part
 from study.definition.part_fields import field_names, parameter_problems
 from study.definition.sections import MODEL_FIELDS, ArbiterSettings, CodeText, Condition, InferenceSettings
 from study.definition.toml_reader import FieldPath, Problem, choices_sentence, model_problems
+from study.definition.toml_writer import long_text, toml
 from study.parts.code import Code, is_file, sha256_of
 from study.parts.errors import PartError
 from study.parts.shelf import Shelf, code_among
@@ -58,6 +59,16 @@ def sources_beside(data: Mapping[str, Any], folder: Path, shelf: Shelf) -> tuple
         if code is not None:
             found[kind, name] = code
     return list(found.values()), problems
+
+
+def code_table(code: Code) -> str:
+    """A source as a table of a study's text, with a blank line before it."""
+    said = {"kind": code.kind, "name": code.name, "package": code.package, "version": code.version}
+    lines = ["", "[[code]]", *(f"{key} = {toml(value)}" for key, value in said.items() if value)]
+    lines.append(f"sha256 = {toml(code.sha256)}")
+    for name, text in code.files.items():
+        lines += ["", "[[code.files]]", f"name = {toml(name)}", f"text = {long_text(text)}"]
+    return "\n".join(lines) + "\n"
 
 
 def codes_of(data: Mapping[str, Any]) -> tuple[Code, ...]:

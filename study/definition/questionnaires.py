@@ -2,13 +2,12 @@
 
 A name in `surveys` that is not built in stands for a questionnaire of the study's own: a file `NAME.toml` beside the
 study file, or a table `[[questionnaires]]` in it. A file beside it is copied into the study's text when the study is
-loaded (`as_tables`), so that the text and its hash hold everything: stored, exported and run again, a study needs no
+loaded, so that the text and its hash hold everything: stored, exported and run again, a study needs no
 other file.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
@@ -97,17 +96,6 @@ def file_problems(source: bytes, name: str) -> tuple[str, ...]:
     return report(name, text, data, found).problems if found else ()
 
 
-def as_tables(name: str, source: bytes) -> str:
-    """A checked questionnaire file as `[[questionnaires]]` of a study file."""
-    data, _ = parse_toml(source, name)
-    items = data.pop("items")
-    lines = ["", f"# {name}.toml, as it stood beside this file", "[[questionnaires]]"]
-    lines += [f"{key} = {_toml(value)}" for key, value in {"id": name, **data}.items()]
-    for item in items:
-        lines += ["", "[[questionnaires.items]]", *(f"{key} = {_toml(value)}" for key, value in item.items())]
-    return "\n".join(lines) + "\n"
-
-
 def questionnaire_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
     """What is wrong with the `questionnaires` of a study file's unchecked data beyond single fields."""
     chosen = data.get("surveys")
@@ -170,11 +158,6 @@ def _clashes(entry: Mapping[str, Any], place: FieldPath) -> Iterator[Problem]:
         for end in ("low", "high"):
             if not item.get(end) and not entry.get(end):
                 yield Problem((*place, "items", position, end), f"missing; give {end} here or once for all items")
-
-
-def _toml(value: object) -> str:
-    # JSON's numbers, booleans and strings are TOML's, but for the one control character that JSON leaves as it is.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _entries(value: object) -> list[tuple[int, Mapping[str, Any]]]:

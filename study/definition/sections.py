@@ -188,6 +188,15 @@ class DistractorSettings(Part):
     """How many of the digits stand after the point."""
 
 
+class CodeFile(Part):
+    """One file of such a source."""
+
+    name: Text
+    """As in its package, or beside the study file."""
+    text: Annotated[str, Field(strict=True)]
+    """What stands in it."""
+
+
 class CodeText(Part):
     """The source of a part that does not ship with the lab; the lab writes it into the study's text."""
 
@@ -201,13 +210,20 @@ class CodeText(Part):
     """Of the package."""
     sha256: str
     """Of all its files."""
-    files: dict[str, str]
-    """Text by file name."""
+    files: tuple[CodeFile, ...] = ()
+    """Empty when the package is larger than a study's text should be: then it is known by its hash."""
 
     @property
     def code(self) -> Code:
         """As a value."""
-        return Code(self.kind, self.name, self.sha256, self.files, self.package, self.version)
+        return Code(
+            self.kind,
+            self.name,
+            self.sha256,
+            {file.name: file.text for file in self.files},
+            self.package,
+            self.version,
+        )
 
 
 class QualityRules(Part):

@@ -12,10 +12,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -23,8 +23,20 @@ from pydantic import Field
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.checks import cross_problems
 from study.definition.field_types import Flag, Identifier, Part, Text, number
-from study.definition.named_parts import part_problems, sources_beside
-from study.definition.questionnaires import Questionnaire, as_tables, file_problems, own_ids
+from study.definition.layouts import (
+    LayoutInUse,
+    LayoutSection,
+    MeshFile,
+    WorldCheck,
+    in_use,
+    known_to,
+    mesh_names,
+    own_layouts,
+    read_mesh,
+    shipped_layouts,
+)
+from study.definition.named_parts import code_table, part_problems, sources_beside
+from study.definition.questionnaires import Questionnaire, file_problems, own_ids
 from study.definition.sections import (
     ArbiterSettings,
     CodeText,
@@ -40,7 +52,8 @@ from study.definition.sections import (
     RobotSettings,
     Texts,
 )
-from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.toml_reader import FileBeside, Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.toml_writer import as_table, long_text, toml
 from study.parts.code import Code
 from study.parts.shelf import Shelf
 from study.records import TICK_S, StudyError
@@ -51,6 +64,7 @@ __all__ = [
     "Study",
     "StudyFileError",
     "TrialPlan",
+    "drafted",
     "load_study",
     "next_order",
     "orders",
@@ -81,16 +95,18 @@ class Study(Part):
     """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
     taken for hands off."""
     layout: Identifier
-    """Where the objects stand on the table."""
+    """Where the objects stand on the table, in front of which bins: a layout that ships, or the study's own."""
     objects: Annotated[tuple[Identifier, ...], Field(min_length=1)]
-    """What stands there, as many as the layout has places, or fewer."""
+    """What stands there, as many as the layout has places, or fewer: objects that ship, and the layout's own."""
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]
-    """Where objects are brought to."""
+    """Which of the layout's bins objects are brought to."""
     pickups_per_trial: int = number(default=3, ge=1)
     surveys: tuple[Identifier, ...] = ("sus_modified", "tlx_raw")
     """Questionnaires after every trial: built in, or the study's own. The paper's unless the file says otherwise:
     nobody is to find out after the study that none was asked."""
     questionnaires: tuple[Questionnaire, ...] = ()
+    layouts: tuple[LayoutSection, ...] = ()
+    meshes: tuple[MeshFile, ...] = ()
     consent: Consent
     demographics: tuple[DemographicItem, ...] = ()
     instructions: Instructions
@@ -108,9 +124,9 @@ class Study(Part):
     them needs no other file and no other version of a package."""
 
     hash: str = Field(default="", exclude=True)
-    """SHA-256 of `source_text`: the file's bytes, when it has no questionnaires in files beside it."""
+    """SHA-256 of `source_text`: the file's bytes, when nothing of it stands in files beside it."""
     source_text: str = Field(default="", exclude=True, repr=False)
-    """The file's text, with the questionnaires that stand beside it: all that is needed to run the study again."""
+    """The file's text, with what stands in files beside it: all that is needed to run the study again."""
 
     @property
     def condition_ids(self) -> tuple[str, ...]:
@@ -127,6 +143,20 @@ class Study(Part):
         """The questionnaires after every trial, in the order asked."""
         own = {form.id: form.instrument for form in self.questionnaires}
         return tuple(own.get(name) or INSTRUMENTS[name] for name in self.surveys)
+
+    @property
+    def own_layout(self) -> LayoutSection | None:
+        """The layout, if it is the study's own."""
+        return next((layout for layout in self.layouts if layout.id == self.layout), None)
+
+    @property
+    def layout_in_use(self) -> LayoutInUse:
+        """The layout with the study's objects."""
+        layout = self.own_layout or shipped_layouts()[self.layout]
+        known = known_to(layout)
+        return LayoutInUse(
+            layout, tuple(known[name] for name in self.objects), {mesh.file: mesh.text for mesh in self.meshes}
+        )
 
     @property
     def tasks_per_trial(self) -> int:
@@ -152,52 +182,94 @@ class Study(Part):
         raise StudyError(f"no condition {condition_id!r} in the study; it has {list(self.condition_ids)}")
 
 
-def load_study(
-    path: Path | str | None,
-    *,
-    layouts: Collection[str],
-    objects: Collection[str],
-    bins: Collection[str] | None = None,
-    shelf: Shelf | None = None,
-) -> Study:
+def load_study(path: Path | str | None, *, world: WorldCheck | None = None, shelf: Shelf | None = None) -> Study:
     """Read a study file; None means the paper's study.
 
-    Questionnaires in files beside it become a part of its text, and so does the source of every part it names that does
-    not ship (`shelf` knows which do; without one, parts are not looked at). Code beside the file runs only if the shelf
-    trusts it. `layouts`, `objects` and `bins` are the ids the
-    simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
-    `StudyFileError` with one line for every problem.
+    Questionnaires, the layout and meshes in files beside it become a part of its text, and so does the source of every
+    part it names that does not ship. `world` tells what the robot cannot reach or hold (`app.trial.world`), `shelf`
+    which parts there are and whose code may run; without one, parts are not looked at. Raises `StudyFileError` with one
+    line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
+    source, beside, problems = _with_files_beside(file, shelf)
+    try:
+        study = parse_study(source, name=str(file), world=world, shelf=shelf, beside=beside)
+    except StudyFileError as error:
+        raise StudyFileError([*error.problems, *problems]) from None
+    if problems:
+        raise StudyFileError(problems)
+    return study
+
+
+def drafted(path: Path) -> LayoutInUse | None:
+    """The layout of a study file that may have problems, for a picture of them; None when it cannot be read."""
+    try:
+        source, _, _ = _with_files_beside(path, None)
+        return in_use(parse_toml(source, str(path))[0])
+    except StudyFileError:
+        return None
+
+
+def _with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[FileBeside], list[str]]:
+    """A study file's text with that of the files beside it, those files, and what keeps one from being read."""
     source = _read(file)
     data, text = parse_toml(source, str(file))
+    problems: list[str] = []
+    added, beside = _layout_beside(file, data, problems)
+    added = [*_questionnaires_beside(file, data, problems), *added]
+    if shelf is not None:
+        codes, unread = sources_beside(data, file.parent, shelf)
+        added += [code_table(code) for code in codes]
+        problems += report(str(file), text, data, unread).problems if unread else ()
+    if added:
+        source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
+    return source, beside, problems
+
+
+def _questionnaires_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> list[str]:
+    """What is added to the study's text for the questionnaires in files beside it."""
     named = data.get("surveys")
     names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
-    added: list[str] = []
-    problems: list[str] = []
-    if shelf is not None:
-        codes, found_wrong = sources_beside(data, file.parent, shelf)
-        added += [code.as_table() for code in codes]
-        if found_wrong:
-            problems += report(str(file), text, data, found_wrong).problems
+    added = []
     for name in dict.fromkeys(names):
         if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
         if not beside.is_file():
             continue
-        found = file_problems(form := _read(beside), str(beside))
+        found = file_problems(text := _read(beside), str(beside))
         problems += found
-        added.append(as_tables(name, form) if not found else _PLACEHOLDER.format(name=name))
-    if added:
-        source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
-    try:
-        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins, shelf=shelf)
-    except StudyFileError as error:
-        raise StudyFileError([*error.problems, *problems]) from None
-    if problems:
-        raise StudyFileError(problems)
-    return study
+        usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0]) if not found else None
+        added.append(usable or _PLACEHOLDER.format(name=name))
+    return added
+
+
+def _layout_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> tuple[list[str], list[FileBeside]]:
+    """What is added to the study's text for a layout in a file beside it, and for the meshes of its objects."""
+    name, entries = data.get("layout"), data.get("layouts", [])
+    own = {known: entry for known, (_, entry) in own_layouts(data).items()}
+    added: list[str] = []
+    beside: list[FileBeside] = []
+    candidate = file.with_name(f"{name}.toml") if isinstance(name, str) and _IDENTIFIER.match(name) else None
+    is_own = candidate is not None and name not in own and name not in shipped_layouts() and isinstance(entries, list)
+    if candidate is not None and is_own and candidate.is_file():
+        layout, text = parse_toml(_read(candidate), str(candidate))
+        beside.append(FileBeside(("layouts", len(entries)), str(candidate), text, layout))
+        added.append(as_table("layouts", str(name), layout))
+        own[str(name)] = layout
+    meshes = data.get("meshes")
+    there = {entry.get("file") for entry in (meshes if isinstance(meshes, list) else ()) if isinstance(entry, dict)}
+    for mesh in dict.fromkeys(mesh for layout in own.values() for mesh in mesh_names(layout)):
+        if mesh in there or not file.with_name(mesh).is_file():
+            continue
+        try:
+            text = read_mesh(file.with_name(mesh))
+        except StudyFileError as error:
+            problems += [f"{file.with_name(mesh)}: {sentence}" for sentence in error.problems]
+            text = "-"
+        lines = ["", f"# {mesh}, as it stood beside this file", "[[meshes]]", f"file = {toml(mesh)}"]
+        added.append("\n".join([*lines, f"text = {long_text(text)}"]) + "\n")
+    return added, beside
 
 
 _IDENTIFIER = re.compile(r"[a-z0-9][a-z0-9_]*\Z")
@@ -223,22 +295,21 @@ def parse_study(
     source: bytes | str,
     *,
     name: str = "study file",
-    layouts: Collection[str],
-    objects: Collection[str],
-    bins: Collection[str] | None = None,
+    world: WorldCheck | None = None,
     shelf: Shelf | None = None,
+    beside: Sequence[FileBeside] = (),
 ) -> Study:
-    """A study from the text of its file; as `load_study`."""
+    """A study from the text of its file; as `load_study`. `beside` are the files whose text it has taken in."""
     raw = source.encode() if isinstance(source, str) else source
     data, text = parse_toml(raw, name)
     reserved = [
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
-    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins)]
+    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, world)]
     if shelf is not None:
         wrong += part_problems(data, shelf)
     if wrong:
-        raise report(name, text, data, wrong)
+        raise report(name, text, data, wrong, beside)
     return Study.model_validate(
         {**data, "hash": hashlib.sha256(raw).hexdigest(), "source_text": text},
     )
@@ -260,7 +331,7 @@ class TrialPlan:
     """From 1."""
     condition: str
     placement: tuple[str, ...]
-    """Object id at each slot of the layout, in slot order."""
+    """Object id at each place of the layout, in the order of the places."""
     pickups: tuple[Pickup, ...]
     seed: int
     """The participant's seed; `reading` draws from it."""

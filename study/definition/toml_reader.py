@@ -64,8 +64,35 @@ def parse_toml(source: bytes, name: str) -> tuple[dict[str, Any], str]:
         raise StudyFileError([f"{name}:{line}: not valid TOML: {sentence}"]) from None
 
 
-def report(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem]) -> StudyFileError:
-    """The error for these problems: `file:line: field = value: sentence`, in the order of the file."""
+@dataclass(frozen=True)
+class FileBeside:
+    """A file beside the study file whose data stand at a path of the study's: problems there are told of the file."""
+
+    path: FieldPath
+    name: str
+    text: str
+    data: Mapping[str, Any]
+
+
+def report(
+    name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem], beside: Sequence[FileBeside] = ()
+) -> StudyFileError:
+    """The error for these problems: `file:line: field = value: sentence`, in the order of the file.
+
+    Those of a file beside it come after its own, with that file's lines.
+    """
+    found = list(problems)
+    told: list[str] = []
+    for file in beside:
+        depth = len(file.path)
+        inside = [problem for problem in found if problem.path[:depth] == file.path]
+        found = [problem for problem in found if problem not in inside]
+        moved = [Problem(problem.path[depth:], problem.sentence) for problem in inside]
+        told += _sentences(file.name, file.text, file.data, moved)
+    return StudyFileError([*_sentences(name, text, data, found), *told])
+
+
+def _sentences(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Problem]) -> list[str]:
     lines = line_numbers(text)
     told: dict[tuple[int, str], None] = {}
     for problem in problems:
@@ -75,7 +102,7 @@ def report(name: str, text: str, data: Mapping[str, Any], problems: Iterable[Pro
         present, value = look_up(data, problem.path)
         shown = f" = {show(value)}" if present and not isinstance(value, dict) else ""
         told[(line, f"{place}: {label}{shown}: {problem.sentence}")] = None
-    return StudyFileError([sentence for _, sentence in sorted(told, key=lambda item: item[0])])
+    return [sentence for _, sentence in sorted(told, key=lambda item: item[0])]
 
 
 def closest(word: str, choices: Iterable[str]) -> str:
@@ -121,11 +148,13 @@ def look_up(data: object, path: FieldPath) -> tuple[bool, Any]:
 
 
 def line_numbers(text: str) -> dict[FieldPath, int]:
-    """The line of every table header and of every key that starts a line, by path."""
+    """The line of every table header, of every key that starts a line, and of every entry of its list, by path."""
     found: dict[FieldPath, int] = {}
     counts: dict[FieldPath, int] = {}
     table: FieldPath = ()
+    place: FieldPath = ()
     depth, closing = 0, ""  # inside a value that goes on over lines: open brackets, or a multi-line string
+    entries = _Entries()
     for number, line in enumerate(text.splitlines(), start=1):
         if closing:
             if closing in line:
@@ -140,15 +169,50 @@ def line_numbers(text: str) -> dict[FieldPath, int]:
                 continue
             if not key:
                 continue
-            found.setdefault((*table, key.group(1).strip("\"'")), number)
+            place = (*table, key.group(1).strip("\"'"))
+            found.setdefault(place, number)
             rest = key.group(2)
+            entries = _Entries()
         for quotes in ('"""', "'''"):
             if rest.count(quotes) % 2:
                 closing = quotes
         if not closing:
-            bare = re.sub(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|#.*", "", rest)
+            bare = _COMMENT_OR_TEXT.sub(_bare, rest)
+            for entry in entries.begun(bare):
+                found.setdefault((*place, entry), number)
             depth = max(0, depth + bare.count("[") + bare.count("{") - bare.count("]") - bare.count("}"))
     return found
+
+
+_COMMENT_OR_TEXT = re.compile(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|#.*")
+
+
+def _bare(found: re.Match[str]) -> str:
+    return "" if found[0].startswith("#") else "s"
+
+
+class _Entries:
+    """Counts the entries of a list that goes on over lines, whose texts have been taken out."""
+
+    def __init__(self) -> None:
+        self._depth, self._count, self._between = 0, 0, False
+
+    def begun(self, bare: str) -> list[int]:
+        """Positions of the entries that begin on this line."""
+        begun = []
+        for sign in bare:
+            if self._between and self._depth == 1 and not sign.isspace() and sign not in ",]":
+                begun.append(self._count)
+                self._count += 1
+                self._between = False
+            if sign in "[{":
+                self._depth += 1
+                self._between = self._between or (self._depth == 1 and sign == "[")
+            elif sign in "]}":
+                self._depth -= 1
+            elif sign == "," and self._depth == 1:
+                self._between = True
+        return begun
 
 
 def _table_path(header: str, counts: dict[FieldPath, int], is_array: bool) -> FieldPath:

@@ -45,13 +45,6 @@ class Code:
         """Whether it came from a file beside the study file, and so from whoever sent that file."""
         return is_file(self.name)
 
-    def as_table(self) -> str:
-        """As a table of a study file, one key a line."""
-        said = {"kind": self.kind, "name": self.name, "package": self.package, "version": self.version}
-        lines = ["", "[[code]]", *(f"{key} = {_toml(value)}" for key, value in said.items() if value)]
-        texts = ", ".join(f"{_toml(name)} = {_toml(text)}" for name, text in self.files.items())
-        return "\n".join([*lines, f"sha256 = {_toml(self.sha256)}", f"files = {{ {texts} }}"]) + "\n"
-
 
 def is_file(name: str) -> bool:
     """Whether a part is named as `file.py:Class`."""
@@ -156,8 +149,3 @@ def _package_files(kind: str, name: str, module: str) -> dict[str, str]:
     if not paths:
         raise PartError(f"{kind} {name!r} ({module}) has no Python source to record")
     return {said: paths[said].read_text(encoding="utf-8", errors="replace") for said in sorted(paths)}
-
-
-def _toml(value: str) -> str:
-    # JSON's strings are TOML's, but for the one control character that JSON leaves as it is.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.fake_lab import STATIC, FakeLab
 from tests.support.fake_pad import PS3_RAW_ID, FakePad
-from tests.support.fake_pages import CONTENT, alert, session_row, tick
+from tests.support.fake_pages import CONTENT, alert, instruction, session_row, tick
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -479,6 +479,40 @@ def test_stopping_asks_once_and_ends_with_thanks(page: Page, lab: FakeLab) -> No
     withdrawals = [message for message in lab.received if message.get("step") == "withdraw"]
     assert [message["data"] for message in withdrawals] == [{"reason": None}]
     assert page.get_by_test_id("stop-button").is_hidden()
+
+
+def test_the_card_draws_things_of_a_layout_of_ones_own(page: Page, lab: FakeLab) -> None:
+    driving_by_keyboard(page, lab)
+
+    def look(**looks: Any) -> None:
+        lab.send(tick(1, instruction=instruction("pickup", "wipes_tub")))  # so that it draws anew
+        page.get_by_text("Pick up the tub of wipes.").wait_for()
+        dropoff = instruction("dropoff", "spray_bottle", "left_bin")
+        content = {**CONTENT["trial"], "looks": looks, "instruction": dropoff}
+        lab.send({"type": "page", "state": "trial", "trial": 1, "trials": 3, "content": content})
+        page.get_by_text("Drop the spray bottle into the left bin.").wait_for()
+
+    def colours(thing: str) -> list[str]:
+        found: list[str] = page.locator(f"[data-drawing={thing}] [fill]").evaluate_all(
+            "(all) => all.map((one) => one.getAttribute('fill'))"
+        )
+        return found
+
+    carton = {"shape": "box", "color": "#123456", "size_m": [0.05, 0.06, 0.2], "drawing": ""}
+    look(spray_bottle=carton, left_bin={"shape": "bin", "color": "#fedcba", "letter": "Q"})
+    assert colours("spray_bottle") == ["#123456", "#f6f6f2"]
+    assert colours("left_bin")[0] == "#fedcba"
+    assert page.locator("[data-drawing=left_bin] text").text_content() == "Q"
+    look(spray_bottle={**carton, "shape": "cylinder", "color": "#fafafa"})
+    assert colours("spray_bottle") == ["#fafafa", "#2c323a", "#fafafa"], "a dark band on what is nearly white"
+    look(spray_bottle={**carton, "outline": "M0 0H100v100H0z"})
+    assert colours("spray_bottle") == ["#123456"]
+    shape = page.locator("[data-drawing=spray_bottle] path")
+    assert shape.get_attribute("d") == "M0 0H100v100H0z"
+    look(spray_bottle={**carton, "drawing": "sponge_pack"})
+    assert "#cc79a7" in colours("spray_bottle")
+    look(left_bin={"shape": "bin", "color": "#fedcba", "letter": ""})
+    assert "#56b4e9" in colours("spray_bottle"), "without a look, as it ships"
 
 
 def test_the_drive_page_tells_what_to_do_and_what_is_happening(page: Page, lab: FakeLab) -> None:

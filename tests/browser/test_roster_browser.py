@@ -14,7 +14,7 @@ import pytest
 from study.definition.study import load_study
 from study.store import Batch, open_store
 from tests.support.lab_server import LabServer
-from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, UTC, answer_row, trial_row
+from tests.support.study_samples import UTC, answer_row, trial_row
 from tests.support.wire_client import invite, write_study
 from tests.web.test_roster_api import make_done
 
@@ -128,7 +128,7 @@ def test_a_thousand_participants_are_turned_through_page_by_page(
     page: Page, tmp_path: Path, start_lab: Callable[..., LabServer]
 ) -> None:
     path, data = write_study(tmp_path), tmp_path / "data"
-    study = load_study(path, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    study = load_study(path)
     with open_store(data) as store:
         for number in range(60):
             store.create_participant(study, seed=number, public_id=f"{number:x}", utc=UTC)

@@ -16,13 +16,12 @@ import pytest
 from playwright.sync_api import Error as PlaywrightError
 
 from app.simulated.pilot import Pilot
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, load_study
 from study.export.export import export, read_table
 from study.store import open_store
 from tests.support.browser_person import BrowserPerson
 from tests.support.lab_server import LabServer
+from tests.support.shipped_world import STUDY_OBJECTS
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Page
@@ -95,7 +94,7 @@ def whole_study(
 ) -> None:
     tmp_path.mkdir()
     lab = start_lab("--study", str(short_study), "--robot", "bullet")
-    study = load_study(short_study, layouts=LAYOUTS, objects=tuple(STUDY_OBJECTS))
+    study = load_study(short_study)
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
 

@@ -76,7 +76,9 @@ def test_nothing_is_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_file_without_mistakes_is_summed_up_with_its_hash_and_weight(capsys: pytest.CaptureFixture[str]) -> None:
     run(capsys, "new", "mine")
     status, said, complained = run(capsys, "check", "mine.toml")
-    summary, weight = said.splitlines()
+    summary, weight, drawn = said.splitlines()
+    assert drawn == "layout 'arc' is drawn in mine.layout.png"
+    assert Path("mine.layout.png").stat().st_size > 10_000
     assert (status, complained) == (0, "")
     assert summary.startswith("mine.toml: fine. 3 conditions in 6 orders; 3 trials with 6 tasks each, 18 in all; ")
     study = open_study(Path("mine.toml"))
@@ -92,7 +94,18 @@ def test_a_weight_that_is_given_is_not_calibrated(capsys: pytest.CaptureFixture[
     run(capsys, "new", "mine")
     text = Path("mine.toml").read_text(encoding="utf-8")
     Path("mine.toml").write_text(text.replace('alpha = "calibrated"', "alpha = 300.0"), encoding="utf-8")
-    assert len(run(capsys, "check", "mine.toml")[1].splitlines()) == 1
+    summary, drawn = run(capsys, "check", "mine.toml")[1].splitlines()
+    assert summary.startswith("mine.toml: fine. ") and drawn.startswith("layout 'arc' is drawn in ")
+
+
+def test_a_folder_that_takes_no_picture_does_not_spoil_the_check(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    run(capsys, "new", "mine")
+    Path("mine.layout.png").mkdir()
+    status, said, _ = run(capsys, "check", "mine.toml")
+    assert status == 0
+    assert "layout 'arc' is not drawn: mine.layout.png cannot be written: Is a directory" in said
 
 
 def test_every_problem_is_told_at_once_with_file_and_line(capsys: pytest.CaptureFixture[str]) -> None:

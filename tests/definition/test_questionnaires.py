@@ -22,7 +22,7 @@ from study.export.export import write_tables
 from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
 from study.flow.protocol import Session
 from tests.support.analysis_samples import data_set
-from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, UTC
+from tests.support.study_samples import UTC
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 CHOSEN = 'surveys = ["sus_modified", "tlx_raw"]'
@@ -58,7 +58,7 @@ def write(folder: Path, study: str = STUDY, **files: str) -> Path:
 
 
 def load(file: Path) -> Study:
-    return load_study(file, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    return load_study(file)
 
 
 def problems(file: Path) -> list[str]:
@@ -122,7 +122,7 @@ def test_simulated_participants_answer_it(study: Study) -> None:
 
 
 def test_the_studys_text_holds_all_that_is_needed_to_run_it_again(tmp_path: Path, study: Study) -> None:
-    alone = parse_study(study.source_text, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    alone = parse_study(study.source_text)
     assert alone == study
     assert study.source_text.startswith(STUDY.rstrip("\n"))
     copied = tmp_path / "elsewhere"

@@ -27,13 +27,13 @@ from study.definition.study import (
     reading,
 )
 from study.records import StudyError
-from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
+from tests.support.study_samples import BINS, OBJECTS, shipped_study
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
 
 def parse(text: str) -> Study:
-    return parse_study(text, name="mine.toml", layouts=LAYOUTS, objects=OBJECTS, bins=BINS, shelf=shelf())
+    return parse_study(text, name="mine.toml", shelf=shelf())
 
 
 def problems(text: str) -> tuple[str, ...]:
@@ -64,12 +64,13 @@ def test_the_shipped_study_is_the_papers(study: Study) -> None:
 
 
 def test_the_shipped_study_fits_the_simulated_world() -> None:
-    from sim.layouts import LAYOUTS as layouts
-    from sim.objects import STUDY_OBJECTS
+    from app.trial.world import layout_of, world_problems
+    from sim.layouts import checked
 
-    layout = layouts[shipped_study().layout]
-    slots = {name: len(candidate.slots) for name, candidate in layouts.items()}
-    load_study(None, layouts=slots, objects=STUDY_OBJECTS, bins=[bin_.id for bin_ in layout.bins])
+    study = load_study(None, world=world_problems)
+    layout = checked(layout_of(study))
+    assert tuple(spec.id for spec in layout.objects) == study.objects
+    assert {item.id for item in layout.bins} >= set(study.bins)
 
 
 def said_in_full(study: Study) -> dict[str, object]:
@@ -197,15 +198,16 @@ def test_broken_toml_names_the_line() -> None:
 
 def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StudyFileError, match=r"^.*nowhere\.toml: cannot be read: No such file"):
-        load_study(tmp_path / "nowhere.toml", layouts=LAYOUTS, objects=OBJECTS)
+        load_study(tmp_path / "nowhere.toml")
     (tmp_path / "latin.toml").write_bytes(b'title = "Stra\xdfe"')
     with pytest.raises(StudyFileError, match="not UTF-8"):
-        load_study(tmp_path / "latin.toml", layouts=LAYOUTS, objects=OBJECTS)
+        load_study(tmp_path / "latin.toml")
 
 
-def test_a_layout_with_fewer_slots_than_objects_is_refused() -> None:
-    with pytest.raises(StudyFileError, match="has 6 entries, layout 'arc' has room for 4"):
-        parse_study(SOURCE, layouts={"arc": 4}, objects=OBJECTS)
+def test_a_layout_with_fewer_places_than_objects_is_refused() -> None:
+    small = '\n[[layouts]]\nid = "small"\nplaces_m = [[0.85, -0.3], [0.85, -0.1], [0.85, 0.1], [0.85, 0.3]]\n'
+    with pytest.raises(StudyFileError, match="has 6 entries, layout 'small' has room for 4"):
+        parse_study(changed('layout = "arc"', 'layout = "small"') + small)
 
 
 def test_a_study_without_practice_demographics_and_surveys_skips_them() -> None:

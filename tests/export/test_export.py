@@ -19,9 +19,6 @@ from study.flow.protocol import advance
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns
 from study.store import Batch, ConsentGiven, Store, open_store
 from tests.support.study_samples import (
-    BINS,
-    LAYOUTS,
-    OBJECTS,
     UTC,
     alert_row,
     answer_row,
@@ -155,7 +152,7 @@ def test_the_study_file_comes_along_unchanged(store: Store, tmp_path: Path) -> N
     fill(store, "a")
     export(store, tmp_path / "out")
     assert (tmp_path / "out" / "study.toml").read_text(encoding="utf-8") == shipped_study().source_text
-    later = parse_study(shipped_study().source_text + "\n# typo mended\n", layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    later = parse_study(shipped_study().source_text + "\n# typo mended\n")
     fill(store, "b", study=later)
     export(store, tmp_path / "out")
     names = {f"study-{study.hash[:12]}.toml" for study in (shipped_study(), later)}

@@ -73,7 +73,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "aiosqlite": (),
     "alembic": ("study.store",),
     "pyarrow": ("study.export.data_package",),
-    "matplotlib": ("study.analysis.figures",),
+    "matplotlib": ("study.analysis.figures", "app.report.layout_picture"),
     "statsmodels": ("study.analysis.linear_model", "study.analysis.mixed_model"),
 }
 """Outside library to the rooms or modules that may import it."""

@@ -23,10 +23,13 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
+from app.trial.world import world_problems
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
 from docs import reference, words
+from study.definition.layouts import LayoutFile, in_use
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
+from study.definition.toml_reader import model_problems
 from study.flow.protocol import TERMINAL, State
 from study.flow.steps import STEP_DATA
 from study.records import TABLES, codebook
@@ -305,6 +308,12 @@ def test_every_toml_example_is_taken() -> None:
         data = tomllib.loads(text)
         if "items" in data:
             assert file_problems(text.encode(), "example.toml") == ()
+            continue
+        if "places_m" in data:
+            assert model_problems(LayoutFile, data) == ()
+            own = [item["id"] for item in data["objects"]]
+            using = in_use({"layout": "own", "layouts": [{"id": "own", **data}], "objects": own})
+            assert using is not None and list(world_problems(using)) == []
             continue
         for name, values in data.items():
             part = Study.model_fields[name].annotation

@@ -26,7 +26,9 @@ TOP_LEVEL = {
 # When there is no git to ask: what tools leave behind anywhere, and what the README's commands write at the top.
 LEFT_BEHIND = {"__pycache__", "node_modules"}
 LEFT_AT_THE_TOP = {".git", ".venv", ".hypothesis", ".mypy_cache", ".pytest_cache", ".ruff_cache", "build", "dist"}
-WRITTEN_BY_THE_README = {"data", "my-study.toml", "out", "pilot", "pilot-report", "replication", "report"}
+WRITTEN_BY_THE_README = {
+    *("data", "my-study.toml", "my-study.layout.png", "out", "pilot", "pilot-report", "replication", "report"),
+}
 
 
 def tree_files(root: Path = ROOT) -> list[Path]:
@@ -77,6 +79,7 @@ def test_what_the_readme_writes_is_known() -> None:
     commands = [line for line in text.splitlines() if line.startswith(".venv/bin/salab ")]
     written = {name for line in commands for name in re.findall(r"--(?:out|data) ([\w.-]+)", line)}
     written |= {f"{name}.toml" for line in commands for name in re.findall(r"salab new ([\w-]+)", line)}
+    written |= {f"{name}.layout.png" for line in commands for name in re.findall(r"salab check ([\w-]+)\.toml", line)}
     assert written == WRITTEN_BY_THE_README
 
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim import assets, fetch, layouts, props
+from sim import assets, fetch, props
 from sim.interface import ObjectSpec, SimError
 from sim.meshes import Mesh, box, linear_rgb, loft, merge, rectangle, rod, to_glb
-from sim.objects import OBJECTS
+from tests.support.shipped_world import ARC, OBJECTS
 
 BAKED_LIMIT_BYTES = 500_000
 """What all baked meshes may weigh together: a page loads them."""
@@ -94,7 +94,7 @@ def test_the_main_colours_of_the_objects_differ_to_any_eye(sight: np.ndarray) ->
 
 
 def test_table_and_bins_stand_where_the_physics_has_them() -> None:
-    layout = layouts.LAYOUTS[layouts.DEFAULT_LAYOUT]
+    layout = ARC
     table = props.table_mesh(layout.table).moved(layout.table.center_world_m)
     low_m, high_m = table.bounds_m
     assert high_m[2] == pytest.approx(layout.table.top_z_m, abs=0.001)
@@ -104,7 +104,7 @@ def test_table_and_bins_stand_where_the_physics_has_them() -> None:
     for target, mesh in zip(layout.bins, (left, right), strict=True):
         assert mesh.bounds_m[1][2] == pytest.approx(target.height_m, abs=0.001)
         assert np.all(box_of(mesh)[:2] >= target.inner_size_m)
-    assert {props.bin_side(target) for target in layout.bins} == {"left", "right"}
+    assert [target.letter for target in layout.bins] == ["L", "R"]
     assert not np.array_equal(left.srgba[0], right.srgba[0])
 
 

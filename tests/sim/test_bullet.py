@@ -14,16 +14,17 @@ import numpy as np
 import pybullet
 import pytest
 
-from sim import fetch, ik, layouts, objects, urdf
+from sim import fetch, ik, layouts, urdf
 from sim.bullet import FINGER_FRICTION, BulletRobot
 from sim.interface import SceneSpec, run_tick, steady, still
 from tests.support.robot_cases import SPEED_M_S, drive, move_gripper, reachable, settle, way_in, way_out
+from tests.support.shipped_world import LAYOUTS, STUDY_OBJECTS
 
 pytestmark = pytest.mark.bullet
 
 ROOT = Path(__file__).resolve().parents[2]
-ARC = layouts.LAYOUTS["arc"]
-IDS = list(objects.STUDY_OBJECTS)
+ARC = LAYOUTS["arc"]
+IDS = list(STUDY_OBJECTS)
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ from app.autonomy.actions import ACTION_COUNT, NULL_ACTION, UNIT_DIRECTIONS
 from sim.clearance import clearance
 from sim.interface import SceneSpec, WorldState, run_tick, steady, still
 from sim.kinematic import KinematicRobot
-from sim.layouts import LAYOUTS, scene
+from sim.layouts import scene
+from tests.support.shipped_world import LAYOUTS
 
 PLACEMENT = ("spray_bottle", "bleach_bottle", "paper_towels", "wipes_tub", "absorbent_can", "sponge_pack")
 STEP_M = 0.02
@@ -40,26 +41,26 @@ def test_far_from_everything_all_is_clear() -> None:
 
 
 def test_beside_an_object_it_does_not_push_into_it() -> None:
-    x_m, y_m = LAYOUTS["arc"].slots[0]
+    x_m, y_m = LAYOUTS["arc"].places[0]
     spec = table_scene((x_m - 0.04, y_m + 0.105, 0.85))
     fits = clear(world_at(spec), spec, np.array([[0.0, -STEP_M, 0.0], [0.0, STEP_M, 0.0], [-STEP_M, 0.0, 0.0]]))
     assert fits.tolist() == [False, True, True]
 
 
 def test_lined_up_it_may_move_in() -> None:
-    x_m, y_m = LAYOUTS["arc"].slots[2]
+    x_m, y_m = LAYOUTS["arc"].places[2]
     spec = table_scene((x_m - 0.08, y_m, 0.85))
     assert clear(world_at(spec), spec, np.array([[STEP_M, 0.0, 0.0]])).all()
 
 
 def test_above_an_object_there_is_room() -> None:
-    x_m, y_m = LAYOUTS["arc"].slots[2]
+    x_m, y_m = LAYOUTS["arc"].places[2]
     spec = table_scene((x_m - 0.02, y_m - 0.05, 1.04))
     assert clear(world_at(spec), spec, np.array([[0.0, STEP_M, 0.0]])).all()
 
 
 def test_what_is_too_near_already_may_always_stay_and_never_come_nearer() -> None:
-    x_m, y_m = LAYOUTS["arc"].slots[2]
+    x_m, y_m = LAYOUTS["arc"].places[2]
     spec = table_scene((x_m, y_m + 0.09, 0.85))
     fits = clear(world_at(spec), spec, WAYS_M)
     assert fits[NULL_ACTION]
@@ -85,7 +86,7 @@ def test_an_arm_that_only_does_what_is_clear_knocks_nothing_over(seed: int) -> N
 
 
 def test_what_is_carried_keeps_away_too() -> None:
-    x_m, y_m = LAYOUTS["arc"].slots[2]
+    x_m, y_m = LAYOUTS["arc"].places[2]
     spec = table_scene((x_m, y_m, 0.85))
     robot = KinematicRobot()
     robot.reset(spec)

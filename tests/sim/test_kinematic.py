@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim import ik, kinematic, layouts, objects
+from sim import ik, kinematic
 from sim.interface import (
     SLICES_PER_TICK,
     ObjectState,
@@ -19,10 +19,11 @@ from sim.interface import (
 )
 from sim.kinematic import KinematicRobot
 from tests.support.robot_cases import SPEED_M_S, drive, move_gripper
+from tests.support.shipped_world import LAYOUTS, OBJECTS
 
-ARC = layouts.LAYOUTS["arc"]
+ARC = LAYOUTS["arc"]
 TOP_M = ARC.table.top_z_m
-WIPES = objects.OBJECTS["wipes_tub"]
+WIPES = OBJECTS["wipes_tub"]
 
 
 def standing_at(x_m: float, y_m: float, *more: PlacedObject) -> SceneSpec:
@@ -140,7 +141,7 @@ def dropped(robot: KinematicRobot) -> ObjectState:
 
 
 def test_a_carried_object_moves_with_the_gripper_and_knocks_over_what_is_in_its_way() -> None:
-    towels = PlacedObject(objects.OBJECTS["paper_towels"], (0.80, 0.20, TOP_M))
+    towels = PlacedObject(OBJECTS["paper_towels"], (0.80, 0.20, TOP_M))
     robot = carrying(towels)
     x, y, z = robot.observe().objects[0].pose.position_world_m
     drive(robot, (0.80, 0.16, robot.observe().position_world_gripper_m[2]))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.trial.robots import ROBOTS
-from sim import fetch, ik, layouts, objects
+from sim import fetch, ik, layouts
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -28,9 +28,10 @@ from sim.interface import (
 )
 from sim.kinematic import KinematicRobot
 from tests.support.robot_cases import SPEED_M_S, START_JOINTS_RAD, drive, move_gripper, pick_and_place, settle, way_in
+from tests.support.shipped_world import LAYOUTS, STUDY_OBJECTS
 
-ARC, ROWS = layouts.LAYOUTS["arc"], layouts.LAYOUTS["rows"]
-IDS = list(objects.STUDY_OBJECTS)
+ARC, ROWS = LAYOUTS["arc"], LAYOUTS["rows"]
+IDS = list(STUDY_OBJECTS)
 EMPTY = layouts.scene(ARC, {})
 TABLE = layouts.scene(ARC, IDS)
 DIAGONAL = math.sqrt(0.5)
@@ -275,13 +276,13 @@ def test_grasp_lift_carry_and_drop_into_the_bin(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layout", layouts.LAYOUTS.values(), ids=list(layouts.LAYOUTS))
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOUTS))
 @pytest.mark.parametrize("object_id", IDS)
-def test_every_object_from_every_slot_into_every_bin(robot: Robot, layout: layouts.Layout, object_id: str) -> None:
-    """With physics one slot an object, so that each is tried once; all 144 with SALAB_FULL_SWEEP=1 (minutes)."""
+def test_every_object_from_every_place_into_every_bin(robot: Robot, layout: layouts.Layout, object_id: str) -> None:
+    """With physics one place an object, so that each is tried once; all 144 with SALAB_FULL_SWEEP=1 (minutes)."""
     whole = isinstance(robot, KinematicRobot) or bool(os.environ.get("SALAB_FULL_SWEEP"))
-    for slot in range(layouts.SLOTS) if whole else (IDS.index(object_id),):
-        shift = (IDS.index(object_id) - slot) % len(IDS)
+    for place in range(len(layout.places)) if whole else (IDS.index(object_id),):
+        shift = (IDS.index(object_id) - place) % len(IDS)
         scene = layouts.scene(layout, IDS[shift:] + IDS[:shift])
         for item in scene.bins:
             check_pick_and_place(robot, layout, scene, object_id, item.id)

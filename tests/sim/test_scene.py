@@ -12,14 +12,14 @@ import pytest
 from sim import fetch
 from sim.assets import simple_look
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
-from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, practice_scene, scene
-from sim.objects import STUDY_OBJECTS
+from sim.layouts import practice_scene, scene
 from sim.scene import SceneOptions, SceneView
 from sim.views import DEFAULT_VIEW, VIEWS
 from tests.support.robot_cases import START_JOINTS_RAD
+from tests.support.shipped_world import ARC, STUDY_OBJECTS
 from tests.support.viser_client import TIMEOUT_S, ViserClient, names
 
-LAYOUT = LAYOUTS[DEFAULT_LAYOUT]
+LAYOUT = ARC
 SIX = scene(LAYOUT, list(STUDY_OBJECTS))
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 

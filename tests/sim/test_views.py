@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from sim import fetch, ik
 from sim.interface import SimError, Vector3
-from sim.layouts import LAYOUTS, LIFT_M
-from sim.objects import OBJECTS
+from sim.layouts import LIFT_M
 from sim.views import DEFAULT_VIEW, NARROWEST_ASPECT, VIEWS, CameraView
+from tests.support.shipped_world import LAYOUTS, OBJECTS
 
 OVERVIEW = VIEWS[DEFAULT_VIEW]
 ASPECTS = (1.3, 1.4, NARROWEST_ASPECT, 1.6, 1.8)
@@ -48,7 +48,7 @@ def gripper_positions() -> Iterator[tuple[str, Vector3]]:
     for name, layout in LAYOUTS.items():
         yield f"{name}: start", layout.start_world_m
         top_m = layout.table.top_z_m
-        for number, (x_m, y_m) in enumerate((*layout.slots, layout.practice_slot)):
+        for number, (x_m, y_m) in enumerate((*layout.places, layout.practice_place)):
             yield f"{name}: at {number}", (x_m, y_m, top_m + HIGHEST_GRASP_M)
             yield f"{name}: in front of {number}", (x_m - 0.1, y_m, top_m + HIGHEST_GRASP_M)
             yield f"{name}: aisle {number}", (layout.aisle_x_m, y_m, top_m + HIGHEST_GRASP_M + LIFT_M)
@@ -60,7 +60,7 @@ def things() -> Iterator[tuple[str, Vector3]]:
     """The corners of all that stands on the table and beside it, and of the table."""
     for name, layout in LAYOUTS.items():
         table = layout.table
-        for number, (x_m, y_m) in enumerate((*layout.slots, layout.practice_slot)):
+        for number, (x_m, y_m) in enumerate((*layout.places, layout.practice_place)):
             for side_m in (-0.04, 0.04):
                 yield f"{name}: foot of {number}", (x_m, y_m + side_m, table.top_z_m)
                 yield f"{name}: top of {number}", (x_m, y_m + side_m, table.top_z_m + TALLEST_M)
@@ -116,7 +116,7 @@ def test_at_the_start_no_object_hides_behind_the_gripper_or_the_arm() -> None:
         poses = fetch.link_poses(ik.solve(layout.start_world_m)[0], fetch.MAX_OPENING_M)
         links = ("shoulder_lift_link", "elbow_flex_link", "wrist_flex_link", "gripper_link")
         chain = [np.array(poses[link][0]) for link in links]
-        for x_m, y_m in layout.slots:
+        for x_m, y_m in layout.places:
             middle = np.array([x_m, y_m, layout.table.top_z_m + 0.06])
             for part in itertools.pairwise(chain):
                 assert gap_m((eye, middle), part) > ARM_RADIUS_M, f"{name}: slot at {(x_m, y_m)}"

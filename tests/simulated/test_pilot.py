@@ -9,7 +9,6 @@ import pytest
 
 from app.simulated.pilot import Pilot, Sight
 from app.trial.values import RobotTiming, UserInput
-from sim.layouts import LAYOUTS
 from sim.layouts import scene as layout_scene
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import (
@@ -21,6 +20,7 @@ from tests.support.engine_cases import (
     tasks_of,
     trial_setup,
 )
+from tests.support.shipped_world import LAYOUTS
 
 SEEN = Sight((0.70, 0.0, 0.88), None, "open", (0.80, 0.20, 0.85), (0.52, 0.48, 0.90))
 

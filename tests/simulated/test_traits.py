@@ -17,8 +17,9 @@ from app.simulated.traits import TRAITS, Population, Purpose, Traits, draw_trait
 from app.trial.values import UserInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
-from sim.layouts import LAYOUTS, scene
+from sim.layouts import scene
 from study.flow.answers import score, validate_surveys
+from tests.support.shipped_world import LAYOUTS
 from tests.support.study_samples import OBJECTS, shipped_study
 
 SPEED_M_S = 0.03

@@ -33,11 +33,12 @@ from sim.interface import (
     WorldState,
 )
 from sim.kinematic import KinematicRobot
-from sim.layouts import LAYOUTS, practice_scene
+from sim.layouts import practice_scene
 from sim.layouts import scene as layout_scene
-from sim.objects import PRACTICE_OBJECT, STUDY_OBJECTS, grasp_point
+from sim.objects import grasp_point
 from study.records import TaskRow, TickRow
 from tests.support.arbiter_cases import ArbiterCase, Condition, case_of
+from tests.support.shipped_world import LAYOUTS, PRACTICE_OBJECT, STUDY_OBJECTS
 from tests.support.study_samples import shipped_study
 
 ARC = LAYOUTS["arc"]

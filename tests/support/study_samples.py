@@ -11,7 +11,6 @@ from study.definition.study import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Batch, Store
 
-LAYOUTS = {"arc": 6, "rows": 6}
 OBJECTS = ("spray_bottle", "bleach_bottle", "paper_towels", "wipes_tub", "absorbent_can", "sponge_pack")
 BINS = ("left_bin", "right_bin")
 UTC = "2026-01-01T00:00:00.000+00:00"
@@ -20,7 +19,7 @@ UTC = "2026-01-01T00:00:00.000+00:00"
 @cache
 def shipped_study() -> Study:
     """The study that ships, checked against the names above."""
-    return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    return load_study(None)
 
 
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:

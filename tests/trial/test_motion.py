@@ -12,8 +12,9 @@ from app.autonomy.transition import TransitionKind, TransitionModel
 from app.trial.motion import motion_segments
 from sim.interface import SLICES_PER_TICK, TICK_S, MotionSegment, RobotCommand, Vector3
 from sim.kinematic import KinematicRobot
-from sim.layouts import LAYOUTS, practice_scene
+from sim.layouts import practice_scene
 from tests.support.engine_cases import FORWARD, HANDS_OFF, LEFT, opened, push, run, trial_setup
+from tests.support.shipped_world import LAYOUTS
 
 SPEED_M_S = 0.04
 KINDS: tuple[TransitionKind, ...] = ("mix", "replan")

@@ -14,11 +14,11 @@ from app.autonomy.interface import Models
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.trial.values import RobotTiming
-from sim.objects import PRACTICE_OBJECT
 from study.definition.study import Study, parse_study, plan_session
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import paper_study
-from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
+from tests.support.shipped_world import PRACTICE_OBJECT
+from tests.support.study_samples import shipped_study
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
 PLAN = plan_session(shipped_study(), ORDER, seed=11)
@@ -27,7 +27,7 @@ PLAN = plan_session(shipped_study(), ORDER, seed=11)
 def changed(old: str, new: str) -> Study:
     text = shipped_study().source_text
     assert old in text
-    return parse_study(text.replace(old, new), layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    return parse_study(text.replace(old, new))
 
 
 @pytest.mark.parametrize("trial", [1, 2, 3])
@@ -44,11 +44,11 @@ def test_a_trial_follows_its_plan(trial: int) -> None:
 def test_every_object_stays_on_its_slot_until_it_was_instructed(trial: int) -> None:
     drawn = PLAN.trial(trial)
     setup = paper_study().trial_setup("p01", PLAN, trial, "trial")
-    slots = dict(zip(drawn.placement, paper_study().layout.slots, strict=True))
+    places = dict(zip(drawn.placement, paper_study().layout.places, strict=True))
     left = list(drawn.placement)
     for cycle in setup.cycles:
         assert [placed.spec.id for placed in cycle.scene.objects] == left
-        assert all(placed.base_world_m[:2] == slots[placed.spec.id] for placed in cycle.scene.objects)
+        assert all(placed.base_world_m[:2] == places[placed.spec.id] for placed in cycle.scene.objects)
         assert cycle.object in left
         left.remove(cycle.object)
     assert [len(cycle.scene.objects) for cycle in setup.cycles] == [6, 5, 4]

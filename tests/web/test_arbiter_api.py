@@ -14,8 +14,6 @@ import pytest
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.web.arbiter_api import EvaluateRequest, evaluate_request
-from sim.layouts import LAYOUTS
-from sim.objects import STUDY_OBJECTS
 from study.definition.study import DEFAULT_STUDY, parse_study
 from tests.support.arbiter_cases import ArbiterCase
 from tests.support.lab_server import LabServer
@@ -102,7 +100,7 @@ def test_what_is_not_named_is_the_studys() -> None:
     for before, after in changes.items():
         assert before in text
         text = text.replace(before, after)
-    setup = study_setup(parse_study(text, layouts=LAYOUTS, objects=tuple(STUDY_OBJECTS)))
+    setup = study_setup(parse_study(text))
     asked = {"position_m": (0.7, 0.0, 0.9), "momentum": (0.0, 0.0, 0.0), "goals_m": GOALS, "user_action": (1, 0, 0)}
     by_default = evaluate_request(EvaluateRequest.model_validate(asked), setup)
     assert by_default.alpha == 2.0

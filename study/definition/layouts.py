@@ -1,0 +1,396 @@
+"""Layouts and objects: the shipped ones, and a study's own.
+
+A name in `layout` that does not ship stands for a layout of the study's own: a file `NAME.toml` beside the study file,
+or a table `[[layouts]]` in it. The file, and the mesh files that its objects name, are copied into the study's text
+when the study is loaded, so that the text and its hash hold everything: stored, exported and run again, a study needs
+no other file.
+
+What is known here is what a file says. Whether the robot can reach and hold it, the simulated world knows: it answers
+for a `LayoutInUse` (`study.load_study` takes the question along).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from study.definition.field_types import Identifier, Part, Text, number
+from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
+
+HERE = Path(__file__).parent
+PRACTICE_OBJECT = "practice_block"
+MOST_MESH_BYTES = 1_000_000
+STEEL = "#969ea6"
+FRICTION = 0.65
+"""Of an object's surface; physics multiplies it by the finger's 1.0 and the table's 0.8."""
+RELEASE_Z_M = 0.90
+
+
+def _numbers(names: str, low: float, high: float) -> BeforeValidator:
+    """So many finite numbers within the bounds, in metres."""
+    words = f"must be a list of {len(names)} numbers, [{', '.join(names)}] in metres, each from {low:g} to {high:g}"
+
+    def checked(value: object) -> object:
+        entries = value if isinstance(value, (list, tuple)) else ()
+        fine = [
+            isinstance(entry, (int, float)) and not isinstance(entry, bool) and low <= entry <= high
+            for entry in entries
+        ]
+        if len(entries) == len(names) and all(fine):
+            return value
+        raise PydanticCustomError("numbers", "{words}", {"words": words})
+
+    return BeforeValidator(checked)
+
+
+PointXY = Annotated[tuple[float, float], _numbers("xy", -2.0, 2.0)]
+PointXYZ = Annotated[tuple[float, float, float], _numbers("xyz", -2.0, 2.0)]
+SizeXY = Annotated[tuple[float, float], _numbers("xy", 0.01, 1.0)]
+SizeXYZ = Annotated[tuple[float, float, float], _numbers("xyz", 0.01, 2.0)]
+ObjectSize = Annotated[tuple[float, float, float], _numbers("xyz", 0.02, 0.3)]
+
+
+def _color(value: object) -> object:
+    if isinstance(value, str) and re.match(r"#[0-9a-fA-F]{6}\Z", value):
+        return value
+    raise PydanticCustomError("color", 'must be a colour such as "#0072b2"')
+
+
+def _mesh_name(value: object) -> object:
+    if isinstance(value, str) and (value == "" or re.match(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,60}\.obj\Z", value)):
+        return value
+    raise PydanticCustomError("mesh", 'must be the name of an OBJ file beside this file, such as "mug.obj"')
+
+
+def _letter(value: object) -> object:
+    if isinstance(value, str) and re.match(r"[A-Z0-9]?\Z", value):
+        return value
+    raise PydanticCustomError("letter", 'must be one of A to Z or 0 to 9, or "" for none')
+
+
+Color = Annotated[str, BeforeValidator(_color)]
+MeshName = Annotated[str, BeforeValidator(_mesh_name)]
+Letter = Annotated[str, BeforeValidator(_letter)]
+
+
+class LayoutTable(Part):
+    """The table: a box whose top face is the work surface. `arc`'s when left out."""
+
+    center_m: PointXYZ = (0.90, 0.0, 0.71)
+    """Its middle: x forward from the robot's base, y to its left, z up."""
+    size_m: SizeXYZ = (0.40, 1.16, 0.04)
+    """Its length along x, y and z."""
+
+
+class LayoutBin(Part):
+    """An open box on the floor. `arc`'s two when none is given."""
+
+    id: Identifier
+    """Its name in `bins` and in the data."""
+    label: Text
+    """What the participant reads, such as "left bin"."""
+    center_m: PointXY
+    """The middle of its floor, x and y."""
+    inner_size_m: SizeXY = (0.30, 0.30)
+    """Its opening along x and y."""
+    height_m: float = number(default=0.45, ge=0.05, le=1.0)
+    """Of its rim, above the floor."""
+    release_m: Union[PointXYZ, None] = None  # noqa: UP007
+    """Where the gripper lets go; 0.90 m above the middle of the bin's floor when left out."""
+    color: Color = STEEL
+    """What it is painted with."""
+    letter: Union[Letter, None] = None  # noqa: UP007
+    """What is written on it: A to Z or 0 to 9; the label's first when left out."""
+
+    @property
+    def release_xyz_m(self) -> tuple[float, float, float]:
+        """Where the gripper lets go."""
+        return (*self.center_m, RELEASE_Z_M) if self.release_m is None else self.release_m
+
+    @property
+    def sign(self) -> str:
+        """What is written on it."""
+        first = self.label[0].upper()
+        return self.letter if self.letter is not None else first if re.match(r"[A-Z0-9]", first) else ""
+
+
+class LayoutObject(Part):
+    """An object of the layout's own; `objects` of the study names it, beside those that ship. It has to be one that the
+    robot can pick up."""
+
+    id: Identifier
+    """Its name in `objects` and in the data."""
+    label: Text
+    """What the participant reads, such as "spray bottle"."""
+    shape: Literal["cylinder", "box"]
+    """What physics takes it for; it stands upright."""
+    size_m: ObjectSize
+    """Its length along x, y and z; a cylinder is as long as it is wide."""
+    mass_kg: float = number(ge=0.05, le=3.0)
+    """What it weighs."""
+    friction: float = number(default=FRICTION, ge=0.1, le=1.0)
+    """Of its surface; the fingers' own is 1."""
+    grasp_height_m: Union[float, None] = number(default=None, ge=0.0, le=0.3)  # noqa: UP007
+    """Height above its base at which the fingers close; 0.11 m, or 2 cm below a lower top, when left out."""
+    color: Color = STEEL
+    """What it is drawn in."""
+    mesh: MeshName = ""
+    """A Wavefront OBJ file beside this file, z up, that is drawn in the object's place, stretched to its size. Physics
+    keeps the shape."""
+    drawing: Annotated[str, Field(strict=True)] = ""
+    """Draws it as one of the objects that ship, by that one's id, in its colours."""
+
+    @property
+    def grasp_m(self) -> float:
+        """Height above its base at which the fingers close."""
+        return round(min(0.11, self.size_m[2] - 0.02), 6) if self.grasp_height_m is None else self.grasp_height_m
+
+
+class LayoutFile(Part):
+    """A layout as its own file holds it; its id is the file's name."""
+
+    places_m: Annotated[tuple[PointXY, ...], Field(min_length=1, max_length=40)]
+    """Where objects may stand on the table, x and y of each; any object on any of them."""
+    practice_place_m: PointXY = (0.82, 0.0)
+    """Where the practice object stands."""
+    aisle_x_m: float = number(default=0.67, ge=0.0, le=2.0)
+    """Where an object is carried sideways, in front of all that stands."""
+    start_m: PointXYZ = (0.70, 0.0, 0.88)
+    """Where the gripper begins."""
+    table: LayoutTable = LayoutTable()
+    bins: Annotated[tuple[LayoutBin, ...], Field(min_length=2)] = (
+        LayoutBin(id="left_bin", label="left bin", center_m=(0.52, 0.48), color="#0072b2"),
+        LayoutBin(id="right_bin", label="right bin", center_m=(0.52, -0.48), color="#e68c00"),
+    )
+    objects: tuple[LayoutObject, ...] = ()
+
+
+class LayoutSection(LayoutFile):
+    """A layout of the study's own. `kitchen.toml` beside the study file has the same keys but for `id`, and its tables
+    are called `[table]`, `[[bins]]` and `[[objects]]` there. Lengths are metres: x forward from the robot's base, y to
+    its left, z up from the floor."""
+
+    id: Identifier
+    """Its name in `layout`."""
+
+
+class MeshFile(Part):
+    """A mesh file that stood beside the study file when it was loaded. Nobody writes this by hand."""
+
+    file: MeshName
+    """The name that an object's `mesh` gives."""
+    text: Text
+    """What stood in it."""
+
+
+class _ShippedObjects(Part):
+    objects: tuple[LayoutObject, ...]
+
+
+@dataclass(frozen=True)
+class LayoutInUse:
+    """A layout with everything that stands on it: what the simulated world is made from, and asked about."""
+
+    layout: LayoutSection
+    objects: tuple[LayoutObject, ...]
+    """The study's, in its order."""
+    meshes: Mapping[str, str] = field(default_factory=dict)
+    """Text of each mesh file, by name."""
+    practice_object: LayoutObject = field(default_factory=lambda: practice_object())
+
+
+WorldCheck = Callable[[LayoutInUse], Iterable[Problem]]
+"""Tells what is wrong with a layout in the robot's world; paths begin inside the layout's table."""
+
+
+@cache
+def shipped_layouts() -> Mapping[str, LayoutSection]:
+    """The layouts there are, by name."""
+    found = {}
+    for file in sorted((HERE / "shipped_layouts").glob("*.toml")):
+        data = _shipped(file, LayoutFile)
+        found[file.stem] = LayoutSection.model_validate({"id": file.stem, **data})
+    return MappingProxyType(found)
+
+
+@cache
+def shipped_objects() -> Mapping[str, LayoutObject]:
+    """The objects there are, by id, without the one to practise with."""
+    return MappingProxyType({name: item for name, item in _all_shipped_objects().items() if name != PRACTICE_OBJECT})
+
+
+def practice_object() -> LayoutObject:
+    """What participants practise with."""
+    return _all_shipped_objects()[PRACTICE_OBJECT]
+
+
+@cache
+def _all_shipped_objects() -> Mapping[str, LayoutObject]:
+    data = _shipped(HERE / "shipped_objects.toml", _ShippedObjects)
+    return MappingProxyType({item.id: item for item in _ShippedObjects.model_validate(data).objects})
+
+
+def _shipped(file: Path, model: type[Part]) -> dict[str, Any]:
+    data, text = parse_toml(file.read_bytes(), file.name)
+    problems = model_problems(model, data)
+    if problems:
+        raise report(file.name, text, data, problems)
+    return data
+
+
+def own_layouts(data: Mapping[str, Any]) -> dict[str, tuple[int, Mapping[str, Any]]]:
+    """The layouts that stand in a study file's unchecked data, by id: where, and their own unchecked data."""
+    entries = data.get("layouts")
+    found: dict[str, tuple[int, Mapping[str, Any]]] = {}
+    for position, entry in enumerate(entries if isinstance(entries, list) else ()):
+        if isinstance(entry, dict) and isinstance(entry.get("id"), str):
+            found.setdefault(entry["id"], (position, entry))
+    return found
+
+
+def in_use(data: Mapping[str, Any]) -> LayoutInUse | None:
+    """The layout that a study file's unchecked data chooses, with its objects; None when the layout cannot be read.
+
+    Objects that are not known, or that the file does not name, are left out; without any, all that ship stand there.
+    """
+    name = data.get("layout")
+    _, entry = own_layouts(data).get(str(name), (0, None))
+    if entry is not None and model_problems(LayoutSection, entry):
+        return None
+    layout = shipped_layouts().get(str(name)) if entry is None else LayoutSection.model_validate(entry)
+    if layout is None:
+        return None
+    known = known_to(layout)
+    names = data.get("objects")
+    chosen = [item for item in names if isinstance(item, str) and item in known] if isinstance(names, list) else []
+    meshes = {str(item.get("file")): str(item.get("text")) for _, item in _entries(data.get("meshes"))}
+    objects = tuple(known[item] for item in dict.fromkeys(chosen)) or tuple(shipped_objects().values())
+    return LayoutInUse(layout, objects, meshes)
+
+
+def known_to(layout: LayoutSection) -> dict[str, LayoutObject]:
+    """What may stand on a layout, by id: what ships, and its own."""
+    return {**shipped_objects(), **{item.id: item for item in layout.objects}}
+
+
+def mesh_names(layout: Mapping[str, Any]) -> dict[str, FieldPath]:
+    """Mesh files that the objects of a layout's unchecked data name, and where; only what may be a file's name."""
+    found: dict[str, FieldPath] = {}
+    objects = layout.get("objects")
+    for position, entry in enumerate(objects if isinstance(objects, list) else ()):
+        name = entry.get("mesh") if isinstance(entry, dict) else None
+        if isinstance(name, str) and name and not model_problems(_MeshName, {"name": name}):
+            found.setdefault(name, ("objects", position, "mesh"))
+    return found
+
+
+class _MeshName(Part):
+    name: MeshName
+
+
+def layout_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterator[Problem]:
+    """What is wrong with the `layouts` of a study file's unchecked data beyond single fields."""
+    own = own_layouts(data)
+    chosen = data.get("layout")
+    meshes = _mesh_files(data)
+    for name, (position, entry) in own.items():
+        place: FieldPath = ("layouts", position)
+        if name in shipped_layouts():
+            yield Problem((*place, "id"), "is a layout that ships; choose another id")
+        elif isinstance(chosen, str) and name != chosen:
+            yield Problem((*place, "id"), "is never used; name it in layout, or leave the layout out")
+        for key in ("objects", "bins"):
+            yield from _repeated((*place, key), entry.get(key))
+        for number_, item in _entries(entry.get("objects")):
+            if item.get("id") in _all_shipped_objects():
+                yield Problem((*place, "objects", number_, "id"), "is an object that ships; choose another id")
+            if item.get("mesh") and item.get("drawing"):
+                yield Problem((*place, "objects", number_, "drawing"), "must be left out with a mesh")
+        for mesh, where in mesh_names(entry).items():
+            if mesh not in meshes:
+                yield Problem((*place, *where), "no such file beside this file")
+    named = {mesh for _, entry in own.values() for mesh in mesh_names(entry)}
+    for number_, item in _entries(data.get("meshes")):
+        if isinstance(item.get("file"), str) and item["file"] not in named:
+            yield Problem(("meshes", number_, "file"), "is the mesh of no object; leave it out")
+    yield from _repeated(("meshes",), data.get("meshes"), "file")
+    using = in_use(data) if world is not None else None
+    if world is None or using is None:
+        return
+    own_place: FieldPath = ("layouts", own[using.layout.id][0]) if using.layout.id in own else ("layout",)
+    for problem in world(using):
+        yield Problem((*own_place, *problem.path) if own_place[0] == "layouts" else own_place, problem.sentence)
+
+
+def known_places(data: Mapping[str, Any]) -> dict[str, int | None]:
+    """Every layout that a study file's unchecked data may choose, and its number of places, if it can be told."""
+    counts: dict[str, int | None] = {name: len(layout.places_m) for name, layout in shipped_layouts().items()}
+    for name, (_, entry) in own_layouts(data).items():
+        places = entry.get("places_m")
+        counts[name] = len(places) if isinstance(places, list) else None
+    return counts
+
+
+def known_objects(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Ids of the objects that a study file's unchecked data may choose."""
+    return (*shipped_objects(), *_ids(_chosen(data), "objects"))
+
+
+def known_bins(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Ids of the bins of the layout that a study file's unchecked data chooses."""
+    name = data.get("layout")
+    if (entry := _chosen(data)) is not None and "bins" in entry:
+        return _ids(entry, "bins")
+    shipped = shipped_layouts()
+    bins = shipped[name].bins if isinstance(name, str) and name in shipped else LayoutFile.model_fields["bins"].default
+    return tuple(item.id for item in bins)
+
+
+def _chosen(data: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    name = data.get("layout")
+    return own_layouts(data).get(name, (0, None))[1] if isinstance(name, str) else None
+
+
+def _ids(entry: Mapping[str, Any] | None, key: str) -> tuple[str, ...]:
+    return tuple(item["id"] for _, item in _entries((entry or {}).get(key)) if isinstance(item.get("id"), str))
+
+
+def _mesh_files(data: Mapping[str, Any]) -> set[str]:
+    return {str(item.get("file")) for _, item in _entries(data.get("meshes"))}
+
+
+def _repeated(place: FieldPath, entries: object, key: str = "id") -> Iterator[Problem]:
+    first: dict[str, int] = {}
+    for position, item in _entries(entries):
+        name = item.get(key)
+        if isinstance(name, str) and first.setdefault(name, position) != position:
+            yield Problem((*place, position, key), f"repeats entry {first[name] + 1}; {key}s must be different")
+
+
+def _entries(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    entries = value if isinstance(value, list) else []
+    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, dict)]
+
+
+def read_mesh(file: Path) -> str:
+    """The text of a mesh file; raises `StudyFileError`, in one line, for one that cannot be embedded."""
+    try:
+        with file.open("rb") as opened:
+            raw = opened.read(MOST_MESH_BYTES + 1)
+    except OSError as error:
+        raise StudyFileError([f"cannot be read: {error.strerror or error}"]) from None
+    if len(raw) > MOST_MESH_BYTES:
+        raise StudyFileError([f"is larger than {MOST_MESH_BYTES / 1e6:g} MB, the most a study carries along"])
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise StudyFileError([f"is not UTF-8 text (byte {error.start}); save it as a Wavefront OBJ file"]) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
