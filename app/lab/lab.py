@@ -20,13 +20,14 @@ from app.session.history import KEPT_EVENTS
 from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
+from app.trial.distractors import make_distractor
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import CycleStart, cycle_from_json, inputs_of
 from app.trial.world import open_study, parse_text
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
-from study.flow.distractor import from_rows
+from study.flow.distractors.state import from_rows
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
@@ -338,6 +339,7 @@ class Lab:
         services = LabServices(
             store=self.store,
             study=setup.study,
+            distractor=make_distractor(setup.study.distractor),
             config=self.config,
             labels=setup.labels(),
             start_worker=self._start_worker,
@@ -431,7 +433,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
     help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
     return Resumed(
-        distractor=from_rows(study.distractor, alerts),
+        distractor=from_rows(make_distractor(study.distractor), stored.seed, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),

@@ -80,22 +80,22 @@ def model_of(parameters: type, base: type[Part] = Part) -> type[pydantic.BaseMod
 def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Part] = Part) -> tuple[Problem, ...]:
     """Everything that is wrong with a table of these parameters; empty when `made` takes it. Raises as `model_of`."""
     found = model_problems(model_of(parameters, base), data)
-    if found:
-        return found
+    if any(problem.path[0] not in base.model_fields for problem in found):
+        return found  # what its fields have to do with one another can only be said of right ones
     try:
-        made(parameters, data, base)
+        made(parameters, data)
     except WrongParameter as wrong:
-        return (Problem((wrong.field,), wrong.sentence),)
-    except (TypeError, ValueError) as error:
-        return (Problem((), str(error)),)
-    return ()
+        return (*found, Problem((wrong.field,), wrong.sentence))
+    except Exception as error:  # somebody else's code may raise whatever it likes
+        return (*found, Problem((), f"not taken by {parameters.__name__}: {type(error).__name__}: {error}"))
+    return found
 
 
-def made(parameters: type[Parameters], data: Mapping[str, Any], base: type[Part] = Part) -> Parameters:
-    """The parameters of a table that `parameter_problems` found nothing wrong with."""
-    model: type[pydantic.BaseModel] = model_of(parameters, base)  # type: ignore[arg-type]
-    checked = model.model_validate(data)
+def made(parameters: type[Parameters], data: Mapping[str, Any]) -> Parameters:
+    """The parameters in a table that `parameter_problems` found nothing wrong with; what else is in it is left out."""
     own = [field.name for field in dataclasses.fields(parameters) if field.init]  # type: ignore[arg-type]
+    model: type[pydantic.BaseModel] = model_of(parameters)  # type: ignore[arg-type]
+    checked = model.model_validate({name: data[name] for name in own if name in data})
     return parameters(**{name: getattr(checked, name) for name in own})
 
 

@@ -4,7 +4,7 @@
 counterbalance the conditions, `plan_session` draws everything random about one participant from one seed.
 
 Each random choice has its own stream, named by trial and purpose (`numpy.random.SeedSequence` with a spawn key):
-drawing more readings, or one object more, shifts nothing else.
+drawing more stimuli, or one object more, shifts nothing else.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pydantic import Field
 
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.checks import cross_problems
+from study.definition.distractor_kinds import DistractorKinds, read_distractor
 from study.definition.field_types import Flag, Identifier, Part, Text, number
 from study.definition.questionnaires import Questionnaire, as_tables, file_problems, own_ids
 from study.definition.sections import (
@@ -51,14 +52,14 @@ __all__ = [
     "orders",
     "parse_study",
     "plan_session",
-    "reading",
+    "stimulus_rng",
 ]
 
 DEFAULT_STUDY = Path(__file__).with_name("default.toml")
 MOST_PERMUTED = 5
 """Up to so many conditions are run in every order there is (120); nobody would ever fill the 720 of six."""
 
-_PLACEMENT, _OBJECTS, _BINS, _READINGS = range(4)
+_PLACEMENT, _OBJECTS, _BINS, _STIMULI = range(4)
 """Purposes of the random streams of a trial. Appending is safe, reordering changes every plan."""
 
 
@@ -144,11 +145,13 @@ def load_study(
     layouts: Collection[str],
     objects: Collection[str],
     bins: Collection[str] | None = None,
+    distractors: DistractorKinds | None = None,
 ) -> Study:
     """Read a study file; None means the paper's study.
 
     Questionnaires in files beside it become a part of its text. `layouts`, `objects` and `bins` are the ids the
-    simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
+    simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. `distractors`
+    are the kinds of distractor there are; without them what a kind takes is not looked at, as with `bins`. Raises
     `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
@@ -170,7 +173,9 @@ def load_study(
     if added:
         source = b"".join([source.rstrip(b"\n"), b"\n", *(text.encode() for text in added)])
     try:
-        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins)
+        study = parse_study(
+            source, name=str(file), layouts=layouts, objects=objects, bins=bins, distractors=distractors
+        )
     except StudyFileError as error:
         raise StudyFileError([*error.problems, *problems]) from None
     if problems:
@@ -204,6 +209,7 @@ def parse_study(
     layouts: Collection[str],
     objects: Collection[str],
     bins: Collection[str] | None = None,
+    distractors: DistractorKinds | None = None,
 ) -> Study:
     """A study from the text of its file; as `load_study`."""
     raw = source.encode() if isinstance(source, str) else source
@@ -211,11 +217,19 @@ def parse_study(
     reserved = [
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
-    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins)]
+    table = data.get("distractor", {})
+    distractor, distractor_wrong = read_distractor(table if isinstance(table, dict) else {}, distractors)
+    rest = {key: value for key, value in data.items() if key != "distractor" or not isinstance(value, dict)}
+    wrong = [
+        *reserved,
+        *distractor_wrong,
+        *model_problems(Study, rest),
+        *cross_problems(data, layouts, objects, bins),
+    ]
     if wrong:
         raise report(name, text, data, wrong)
     return Study.model_validate(
-        {**data, "hash": hashlib.sha256(raw).hexdigest(), "source_text": text},
+        {**rest, "distractor": distractor, "hash": hashlib.sha256(raw).hexdigest(), "source_text": text},
     )
 
 
@@ -238,9 +252,7 @@ class TrialPlan:
     """Object id at each slot of the layout, in slot order."""
     pickups: tuple[Pickup, ...]
     seed: int
-    """The participant's seed; `reading` draws from it."""
-    digits: int
-    decimals: int
+    """The participant's seed; `stimulus_rng` draws from it."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +296,7 @@ def next_order(study: Study, taken: Mapping[tuple[str, ...], int]) -> tuple[str,
 
 
 def plan_session(study: Study, order: tuple[str, ...], seed: int) -> SessionPlan:
-    """Draw one participant's placements, objects, bins and readings. Same arguments, same plan, on every machine.
+    """Draw one participant's placements, objects and bins. Same arguments, same plan, on every machine.
 
     Raises `StudyError` when `order` is not one of the study's or the seed is negative.
     """
@@ -304,21 +316,16 @@ def plan_session(study: Study, order: tuple[str, ...], seed: int) -> SessionPlan
                 placement=tuple(study.objects[i] for i in placement),
                 pickups=tuple(Pickup(study.objects[i], study.bins[j]) for i, j in zip(chosen, bins, strict=True)),
                 seed=seed,
-                digits=study.distractor.digits,
-                decimals=study.distractor.decimals,
             )
         )
     return SessionPlan(seed=seed, order=order, trials=tuple(trials))
 
 
-def reading(plan: TrialPlan, alert: int) -> str:
-    """The reading of alert `alert` (from 1), such as `482.1`: as many digits as asked, the first of them not 0."""
-    if alert < 1:
-        raise StudyError(f"alert {alert} must be at least 1")
-    draw = _stream(plan.seed, plan.trial, _READINGS, alert)
-    number = str(draw.integers(10 ** (plan.digits - 1), 10**plan.digits))
-    point = plan.digits - plan.decimals
-    return f"{number[:point]}.{number[point:]}" if plan.decimals else number
+def stimulus_rng(seed: int, trial: int, number: int) -> np.random.Generator:
+    """The random stream of one stimulus of the distractor; trial and number are from 1."""
+    if number < 1:
+        raise StudyError(f"stimulus {number} must be at least 1")
+    return _stream(seed, trial, _STIMULI, number)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

@@ -85,7 +85,8 @@ def test_what_is_missing_and_what_clashes_is_said_at_its_field() -> None:
 def test_the_table_may_have_fields_of_its_own_beside_them() -> None:
     assert sentences({"kind": "b", "weight": 1.0}, Common) == {}
     assert sentences({"kind": "b", "wieght": 1.0}, Common)["wieght"].startswith("unknown field; did you mean 'weight'?")
-    assert made(Parameters, {"kind": "b", "weight": 1.0}, Common) == Parameters(1.0)
+    assert list(sentences({"kind": 5, "weight": 1.0, "count": 5}, Common)) == ["kind", "count"]
+    assert made(Parameters, {"kind": "b", "weight": 1.0}) == Parameters(1.0)
 
 
 def test_a_model_is_made_once_and_changes_no_more() -> None:

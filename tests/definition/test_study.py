@@ -12,16 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.trial.distractors import KnownDistractors, make_distractor
 from study.definition.study import (
     DEFAULT_STUDY,
     Study,
     StudyFileError,
+    TrialPlan,
     load_study,
     next_order,
     orders,
     parse_study,
     plan_session,
-    reading,
 )
 from study.records import StudyError
 from tests.support.study_samples import BINS, LAYOUTS, OBJECTS, shipped_study
@@ -30,7 +31,12 @@ SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
 
 def parse(text: str) -> Study:
-    return parse_study(text, name="mine.toml", layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    kinds = KnownDistractors()
+    return parse_study(text, name="mine.toml", layouts=LAYOUTS, objects=OBJECTS, bins=BINS, distractors=kinds)
+
+
+def reading(study: Study, trial: TrialPlan, number: int) -> str:
+    return make_distractor(study.distractor).stimulus(trial.seed, trial.trial, number).text
 
 
 def problems(text: str) -> tuple[str, ...]:
@@ -289,7 +295,7 @@ def test_a_plan_stays_what_it_was() -> None:
     trial = plan_session(study, orders(study)[0], 7).trials[0]
     assert trial.placement == PLACEMENT_OF_SEED_7
     assert [(pickup.object, pickup.bin) for pickup in trial.pickups] == PICKUPS_OF_SEED_7
-    assert [reading(trial, k) for k in (1, 2, 3)] == ["629.1", "298.3", "184.3"]
+    assert [reading(study, trial, k) for k in (1, 2, 3)] == ["629.1", "298.3", "184.3"]
 
 
 PLACEMENT_OF_SEED_7 = ("paper_towels", "bleach_bottle", "sponge_pack", "absorbent_can", "wipes_tub", "spray_bottle")
@@ -309,7 +315,7 @@ def test_objects_bins_and_slots_are_all_used(study: Study) -> None:
 def test_readings_have_the_digits_asked_for(digits: int, decimals: int, length: int) -> None:
     study = parse(changed("digits = 4\ndecimals = 1", f"digits = {digits}\ndecimals = {decimals}"))
     trial = plan_session(study, orders(study)[0], 3).trials[1]
-    readings = [reading(trial, k) for k in range(1, 30)]
+    readings = [reading(study, trial, k) for k in range(1, 30)]
     assert {len(text) for text in readings} == {length}
     assert all(text[0] != "0" and float(text) > 0 for text in readings)
     assert len(set(readings)) > 5
@@ -323,7 +329,7 @@ def test_what_cannot_be_planned_says_so(study: Study) -> None:
     plan = plan_session(study, orders(study)[0], 1)
     with pytest.raises(StudyError, match="trials are 1 to 3"):
         plan.trial(4)
-    with pytest.raises(StudyError, match="alert 0"):
-        reading(plan.trial(1), 0)
+    with pytest.raises(StudyError, match="stimulus 0 must be at least 1"):
+        reading(study, plan.trial(1), 0)
     with pytest.raises(StudyError, match="it has"):
         study.condition("autonomy")

@@ -12,6 +12,7 @@ import pytest
 from app.simulated.participant import Case, Record, simulate_participant, simulate_trial, simulate_trials
 from app.simulated.traits import Population
 from app.simulated.variants import Changes, changed_study
+from app.trial.distractors import make_distractor
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import inputs_of
@@ -20,7 +21,7 @@ from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.flow.answers import validate_surveys
-from study.flow.distractor import from_rows
+from study.flow.distractors.state import from_rows
 from study.records import TABLES, TickRow
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
@@ -112,7 +113,7 @@ def test_readings_come_on_time_and_most_are_answered_right() -> None:
     settings = setup().study.distractor
     for trial in record["trials"]:
         rows = [row for row in record["alerts"] if row.trial == trial.trial]
-        state = from_rows(settings, rows)
+        state = from_rows(make_distractor(settings), case().seed, rows)
         assert [row.due_trial_s for row in rows] == [state.due_s(row.alert) for row in rows]
         assert len(rows) == 1 + int((trial.ticks * TICK_S - settings.first_s) // settings.every_s)
         assert rows[-1].status in ("answered", "trial_ended", "expired")

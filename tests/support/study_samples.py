@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+from app.trial.distractors import KnownDistractors
 from study.definition.study import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Batch, Store
@@ -20,7 +21,7 @@ UTC = "2026-01-01T00:00:00.000+00:00"
 @cache
 def shipped_study() -> Study:
     """The study that ships, checked against the names above."""
-    return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS)
+    return load_study(None, layouts=LAYOUTS, objects=OBJECTS, bins=BINS, distractors=KnownDistractors())
 
 
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:
