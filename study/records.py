@@ -133,7 +133,9 @@ class TrialRow:
     hidden_s: float | None = column("How long the page was hidden; blank = not judged", unit="s", default=None)
     focus_losses: int | None = column("How often the page lost the focus; blank = not judged", least=0, default=None)
     pad_losses: int | None = column("How often the gamepad was lost; blank = not judged", least=0, default=None)
-    unanswered_alerts: int | None = column("Readings, or other alerts, that expired; blank = not judged", least=0, default=None)
+    unanswered_alerts: int | None = column(
+        "Readings, or other alerts, that expired; blank = not judged", least=0, default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -221,7 +223,9 @@ class AlertRow:
     trial: int = column("Trial number, from 1", least=1)
     alert: int = column("Alert number in the trial, from 1", least=1)
     placement: str = column("Where it was shown", levels=("second_device", "same_page_away"))
-    reading: str = column("What was shown: the reading to be logged, or the stimulus of another kind, such as the letter of N-back")
+    reading: str = column(
+        "What was shown: the reading to be logged, or the stimulus of another kind, such as the letter of N-back"
+    )
     due_trial_s: float = column("Trial time at which the alert was raised", unit="s")
     shown_utc: str | None = column("When the page reported it visible; blank = never reported", unit=UTC)
     heard_utc: str | None = column("When the page reported the sound played; blank = never", unit=UTC)

@@ -160,7 +160,7 @@ export class AlertView extends Emitter {
    *
    * @param {Alert} alert
    */
-  _ask({ prompt, choices }) {
+  _ask({ prompt = null, choices = [] }) {
     const typed = choices.length === 0;
     this.choices = choices;
     this.field.hidden = this.button.hidden = !typed;

@@ -20,7 +20,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, built_in
 from study.definition.checks import cross_problems
 from study.definition.distractor_kinds import DistractorKinds, read_distractor
 from study.definition.field_types import Flag, Identifier, Part, Text, number
@@ -113,7 +113,7 @@ class Study(Part):
     def instruments(self) -> tuple[Instrument, ...]:
         """The questionnaires after every trial, in the order asked."""
         own = {form.id: form.instrument for form in self.questionnaires}
-        return tuple(own.get(name) or INSTRUMENTS[name] for name in self.surveys)
+        return tuple(own.get(name) or built_in(name, self.distractor.kind) for name in self.surveys)
 
     @property
     def tasks_per_trial(self) -> int:
