@@ -31,13 +31,13 @@ class SumParameters:
 
 
 class Sums(Distractor[SumParameters]):
-    """Two numbers to be added, every ten seconds from the sixth on whatever the study says."""
+    """Two numbers to be added, every 25 seconds from the sixth on whatever the study says."""
 
     Parameters = SumParameters
     words = Words("sum", "sums")
 
     def due_s(self, number):
-        return 6.0 + 10.0 * (number - 1)
+        return 6.0 + 25.0 * (number - 1)
 
     def stimulus(self, seed, trial, number):
         first, second = stimulus_rng(seed, trial, number).integers(1, self.parameters.most + 1, size=2)

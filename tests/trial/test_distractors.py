@@ -140,7 +140,7 @@ HALF = "class Half:\n    def stimulus(self): ...\n    def is_right(self): ..."
         ("outside_distractors:Sums", DISTRACTOR.replace("most:", "kind:"), "'kind' of outside_distractors.SumP"),
         (
             "outside_distractors:Sums",
-            DISTRACTOR.replace("10.0 * (number - 1)", "0.0"),
+            DISTRACTOR.replace("25.0 * (number - 1)", "0.0"),
             "distractor 'mine' (outside_distractors:Sums): stimulus 1 is due at 6.0 s",
         ),
     ],
