@@ -73,7 +73,7 @@ def test_it_keeps_what_a_distractor_promises(kind: Distractor[Any]) -> None:
 
 @each
 def test_its_right_answers_count_and_are_recorded(kind: Distractor[Any]) -> None:
-    state = run(kind, 100.0, right)
+    state = run(kind, 130.0, right)
     rows = [state.row(alert, "P001", "balanced", TRIAL) for alert in state.alerts]
     assert len(rows) >= 5
     assert {(row.status, row.correct) for row in rows} == {("answered", 1)}
@@ -93,12 +93,12 @@ def test_nobody_answers_and_all_but_the_last_expire(kind: Distractor[Any]) -> No
 
 @each
 def test_it_comes_back_from_its_rows_and_goes_on_alike(kind: Distractor[Any]) -> None:
-    whole = run(kind, 100.0, right)
+    whole = run(kind, 130.0, right)
     half = run(kind, 47.0, right)
     rows = [half.row(alert, "P001", "balanced", TRIAL) for alert in half.alerts]
     back = from_rows(kind, SEED, rows)
     assert back == half
-    for tick in range(95, 201):
+    for tick in range(95, 261):
         back, changed = back.advance(tick * 0.5, lambda number: kind.stimulus(SEED, TRIAL, number))
         if any(alert.status == "open" for alert in changed):
             back, _ = back.answer(len(back.alerts), right(back), tick * 0.5, UTC)

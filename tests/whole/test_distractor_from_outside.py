@@ -95,7 +95,7 @@ async def test_it_runs_a_live_session_and_its_export(
     arguments = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", study)
     lab = start_lab(*arguments, data_dir=tmp_path / "data", environment=environment)
     report = await run_bot(invite(lab)["link"])
-    assert report.alerts > 6
+    assert report.alerts >= 6  # at least two in each of the three trials
     out = tmp_path / "out"
     exported = salab(environment, "export", "--data", str(tmp_path / "data"), "--out", str(out))
     assert exported.returncode == 0, exported.stderr
