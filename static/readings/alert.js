@@ -388,5 +388,5 @@ export class AlertView extends Emitter {
  * @returns {boolean}
  */
 function isKey(event, key) {
-  return event.key.toLowerCase() === key.toLowerCase() || [`Digit${key}`, `Numpad${key}`].includes(event.code);
+  return event.key.toLowerCase() === key.toLowerCase() || event.code === `Digit${key}`;
 }

@@ -95,11 +95,14 @@ async def test_it_runs_a_live_session_and_its_export(
     arguments = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", study)
     lab = start_lab(*arguments, data_dir=tmp_path / "data", environment=environment)
     report = await run_bot(invite(lab)["link"])
-    assert report.alerts >= 6  # at least two in each of the three trials
     out = tmp_path / "out"
     exported = salab(environment, "export", "--data", str(tmp_path / "data"), "--out", str(out))
     assert exported.returncode == 0, exported.stderr
     rows = judged("sums", out)
+    with (out / "trials.csv").open(encoding="utf-8", newline="") as file:
+        ran_s = {trial["trial"]: 0.5 * int(trial["ticks"]) for trial in csv.DictReader(file)}
+    assert report.alerts == len(rows) == sum(1 + int((end_s - 6.0) // 25.0) for end_s in ran_s.values())
+    assert {row["due_trial_s"] for row in rows if row["alert"] == "2"} <= {"31", "31.0"}
     assert {row["correct"] for row in rows if row["status"] == "answered"} == {"1"}
     assert json.loads((out / "meta.json").read_text(encoding="utf-8"))
 
