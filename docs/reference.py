@@ -20,6 +20,7 @@ from app import wire
 from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
+from app.trial.distractors import DISTRACTORS
 from app.trial.world import known_layouts
 from app.web.access import ErrorReply
 from app.web.server import create_app
@@ -39,6 +40,7 @@ from sim.layouts import LAYOUTS
 from sim.objects import STUDY_OBJECTS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.field_types import Part
+from study.definition.part_fields import model_of
 from study.definition.study import DEFAULT_STUDY, Study
 from study.flow.steps import STEP_DATA
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
@@ -147,11 +149,40 @@ def study_file() -> str:
             sentence(said.of_table.get(item.path, "")),
             table(("key", "value", "default", "meaning"), rows),
         ]
-    return joined(*parts, _ids())
+    return joined(*parts, *_part_sections(), _ids())
 
 
 def _meaning(item: StudyTable, name: str, texts: Mapping[str, str], said: Comments) -> str:
     return sentence(texts.get(name) or said.of_key.get((item.path, name), ""))
+
+
+@dataclass(frozen=True)
+class PartTable:
+    """What an exchangeable part takes: the table it stands in, the line that names it, and its parameters."""
+
+    header: str
+    line: str
+    parameters: type[Any]
+
+
+def part_tables() -> Iterator[PartTable]:
+    """Every part that ships and can be named in a study file."""
+    for name in DISTRACTORS.shipped:
+        yield PartTable("[distractor]", f'kind = "{name}"', DISTRACTORS.load(name).Parameters)
+
+
+def _part_sections() -> Iterator[str]:
+    for item in part_tables():
+        schema = model_of(item.parameters).model_json_schema()
+        texts = attribute_texts(item.parameters)
+        rows = [
+            (f"`{name}`", kind(schema["properties"][name], {}), default(name, schema), sentence(texts.get(name, "")))
+            for name in schema["properties"]
+        ]
+        yield f"## `{item.header}` with `{item.line}`"
+        yield joined(
+            sentence(inspect.getdoc(item.parameters) or ""), table(("key", "value", "default", "meaning"), rows)
+        )
 
 
 def _ids() -> str:

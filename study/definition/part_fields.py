@@ -50,13 +50,17 @@ class WrongParameter(ValueError):
         self.sentence = sentence
 
 
-@lru_cache(maxsize=256)
 def model_of(parameters: type, base: type[Part] = Part) -> type[pydantic.BaseModel]:
     """The model of a table with these parameters, beside the fields of `base` when the table has others too.
 
     Numbers are strict: true and false are none, nor are texts, NaN and infinity; a whole number is a number. Raises
     `StudyError` when the class is no frozen dataclass, a field has a type no study file can hold, or a name is taken.
     """
+    return _model_of(parameters, base)
+
+
+@lru_cache(maxsize=256)
+def _model_of(parameters: Any, base: Any) -> type[pydantic.BaseModel]:
     name = f"{parameters.__module__}.{parameters.__qualname__}" if isinstance(parameters, type) else repr(parameters)
     settings = getattr(parameters, "__dataclass_params__", None)
     if not isinstance(parameters, type) or settings is None or not settings.frozen:
@@ -87,15 +91,17 @@ def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Par
     except WrongParameter as wrong:
         return (*found, Problem((wrong.field,), wrong.sentence))
     except Exception as error:  # somebody else's code may raise whatever it likes
-        return (*found, Problem((), f"not taken by {parameters.__name__}: {type(error).__name__}: {error}"))
+        # "alpha is 3.0; it must be 0": the field comes first, if it is about one
+        field, _, rest = str(error).partition(" is ")
+        about = field in {item.name for item in dataclasses.fields(parameters)}
+        return (*found, Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), str(error)))
     return found
 
 
 def made(parameters: type[Parameters], data: Mapping[str, Any]) -> Parameters:
     """The parameters in a table that `parameter_problems` found nothing wrong with; what else is in it is left out."""
     own = [field.name for field in dataclasses.fields(parameters) if field.init]  # type: ignore[arg-type]
-    model: type[pydantic.BaseModel] = model_of(parameters)  # type: ignore[arg-type]
-    checked = model.model_validate({name: data[name] for name in own if name in data})
+    checked = model_of(parameters).model_validate({name: data[name] for name in own if name in data})
     return parameters(**{name: getattr(checked, name) for name in own})
 
 

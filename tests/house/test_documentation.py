@@ -22,8 +22,11 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
+from app.trial.distractors import KnownDistractors
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
 from docs import reference, words
+from study.definition.distractor_kinds import read_distractor
+from study.definition.part_fields import model_of
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
 from study.flow.protocol import TERMINAL, State
@@ -260,6 +263,18 @@ def test_every_key_of_the_study_file_is_documented_with_what_it_means() -> None:
             assert meaning, f"{item.header} {key} does not say what it means"
 
 
+def test_every_parameter_of_a_part_is_documented_with_what_it_means() -> None:
+    page = reference.study_file()
+    items = list(reference.part_tables())
+    assert {item.line for item in items} >= {'kind = "readings"', 'kind = "nback"'}
+    for item in items:
+        section = page.split(f"## `{item.header}` with `{item.line}`\n")[1].split("\n## ")[0]
+        rows = {row[0].strip("`"): row for row in rows_of(section)[1:]}
+        assert list(rows) == [field.name for field in dataclasses.fields(item.parameters)]
+        for key, row in rows.items():
+            assert all(row), f"{item.line} {key}: a blank cell in {row}"
+
+
 def test_the_reference_of_the_study_file_gives_bounds_and_choices() -> None:
     page = reference.study_file()
     assert "| `planning_delay` | number, at least 0, at most 1 | `0.2` |" in page
@@ -274,6 +289,7 @@ def test_every_key_and_table_of_the_study_file_that_is_named_exists() -> None:
         QuestionnaireFile,
         QuestionnaireItem,
         *(item.model for item in reference.study_tables()),
+        *(model_of(item.parameters) for item in reference.part_tables()),
     ]
     keys = {key for model in models for key in model.model_fields}
     headers = {item.header for item in reference.study_tables()} | {"[[items]]"}
@@ -294,6 +310,9 @@ def test_every_toml_example_is_taken() -> None:
             assert file_problems(text.encode(), "example.toml") == ()
             continue
         for name, values in data.items():
+            if name == "distractor":  # what it takes depends on its kind
+                assert read_distractor(values, KnownDistractors())[1] == ()
+                continue
             part = Study.model_fields[name].annotation
             part.model_validate(values)  # type: ignore[union-attr]
 

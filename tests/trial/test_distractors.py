@@ -75,6 +75,12 @@ def test_a_study_may_name_n_back_with_its_own_fields() -> None:
         (with_kind("nback", "n = 0\n"), "distractor.n = 0", "must be a whole number at least 1 and at most 5"),
         (with_kind("nback", "n = true\n"), "distractor.n = true", "at least 1 and at most 5, not true or false"),
         (with_kind("nback", "target_rate = nan\n"), "distractor.target_rate = nan", "must be a number at least 0.0"),
+        (with_kind("nback", 'letters = "A"\n'), 'distractor.letters = "A"', "must have at least 2 characters"),
+        (
+            with_kind("nback", f'letters = "{"A" * 27}"\n'),
+            f'distractor.letters = "{"A" * 27}"',
+            "must have at most 26 characters",
+        ),
         (with_kind("nback", 'letters = "AaB"\n'), 'distractor.letters = "AaB"', "must be letters or digits, each of"),
         (
             with_kind("nback", "taget_rate = 0.5\n"),
