@@ -364,8 +364,9 @@ def messages(union: Any) -> tuple[type[BaseModel], ...]:
 
 
 def wire_protocol() -> str:
-    """Every message on a participant's socket, and what each step hands in."""
+    """Every message on a participant's socket, what is inside some of them, and what each step hands in."""
     parts = []
+    inside: dict[str, str] = {}
     for title, union in (
         ("What a page sends", wire.ClientMessage),
         ("What the lab sends", wire.ServerMessage),
@@ -381,7 +382,11 @@ def wire_protocol() -> str:
                 inspect.getdoc(model) or "",
                 table(("field", "value", "default", "meaning"), rows),
             ]
-    return joined(*parts, steps())
+            for name in defs.keys() - {each.__name__ for each in messages(union)}:
+                part: type[BaseModel] = getattr(wire, name)
+                held = table(("field", "value", "default", "meaning"), field_rows(part, defs[name], defs))
+                inside[name] = joined(f"### `{name}`", inspect.getdoc(part) or "", held)
+    return joined(*parts, "## What stands inside messages", *(inside[name] for name in sorted(inside)), steps())
 
 
 def steps() -> str:
@@ -402,7 +407,7 @@ def steps() -> str:
 # ---- the packages -----------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "static/*", "tests")
+ROOMS = ("app", "app/*", "study", "study/*", "study/flow/*", "sim", "static", "static/*", "tests")
 """Where a README stands that says what a folder is, in the order told."""
 
 

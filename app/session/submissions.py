@@ -122,7 +122,7 @@ class Submissions:
         context, running = self._context, self._context.running
         placement, words = context.services.study.distractor.placement, context.services.distractor.words
         if client.role != ("panel" if placement == "second_device" else "participant"):
-            raise Refused("illegal", ("step", f"in this study {words.many} are shown and answered on: {placement}"))
+            raise Refused("illegal", ("step", f"in this study {words.many} are shown and logged on: {placement}"))
         data, utc = parse(AlertData, message.data), context.services.now_utc()
         if running.distractor.alert(data.alert) is None and not context.session.is_ticking:
             # The trial ended while this was on its way: nobody did anything wrong.
@@ -140,7 +140,8 @@ class Submissions:
         else:
             after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
             if result == "empty":
-                raise Refused("invalid", ("data.value", f"Please answer the {words.one}."))
+                verb = "answer" if running.distractor.alerts[data.alert - 1].stimulus.choices else "type"
+                raise Refused("invalid", ("data.value", f"Please {verb} the {words.one}."))
             if result == "no_choice":
                 choices = running.distractor.alerts[data.alert - 1].stimulus.choices
                 ids = ", ".join(choice.id for choice in choices)

@@ -23,7 +23,15 @@ from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
 from app.trial.distractors import KnownDistractors
-from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
+from app.wire import (
+    CLIENT_MESSAGE,
+    MAX_MESSAGE_BYTES,
+    AlertChoice,
+    ClientMessage,
+    ServerMessage,
+    StimulusWords,
+    Submit,
+)
 from docs import reference, words
 from study.definition.distractor_kinds import read_distractor
 from study.definition.part_fields import model_of
@@ -205,6 +213,10 @@ def test_every_message_and_field_of_the_wire_is_in_the_reference() -> None:
             part = page.split(f"### `{name}`\n")[1].split("\n##")[0]
             assert part.strip().startswith((model.__doc__ or "").split("\n")[0])
             assert {row[0].strip("`") for row in rows_of(part)[1:]} == set(model.model_fields) - {"type"}
+    for inner in (AlertChoice, StimulusWords):
+        part = page.split(f"### `{inner.__name__}`\n")[1].split("\n##")[0]
+        assert [row[0].strip("`") for row in rows_of(part)[1:]] == list(inner.model_fields)
+        assert all(row[-1] for row in rows_of(part))
 
 
 def test_every_step_of_a_submit_is_in_the_reference_with_what_it_holds() -> None:

@@ -72,7 +72,8 @@ async def test_letters_on_the_same_page_answered_right_wrong_empty_and_late(laun
         assert (first.reading in "AB", first.answer_within_s, first.away_min_s) == (True, 3.0, 1.0)
         assert first.right_answer is None  # a page is never told
         for value in ("", "  ", None):
-            assert (await player.refused("alert_answer", {"alert": 1, "value": value})).field == "data.value"
+            empty = await player.refused("alert_answer", {"alert": 1, "value": value})
+            assert (empty.field, empty.message) == ("data.value", "Please answer the letter.")
         none = await player.refused("alert_answer", {"alert": 1, "value": "perhaps"})
         assert (none.code, none.field) == ("invalid", "data.value")
         assert none.message == "'perhaps' is none of the answers: same, different"
@@ -117,7 +118,7 @@ async def test_letters_on_the_second_device(launch: Launch) -> None:
             shown = await panel.until(Alert)
             assert len(shown.choices) == 2
             refused = await player.refused("alert_answer", {"alert": 1, "value": "different"})
-            assert refused.message == "in this study letters are shown and answered on: second_device"
+            assert refused.message == "in this study letters are shown and logged on: second_device"
             await panel.done("alert_answer", {"alert": 1, "value": "different"})
             assert (await panel.until(AlertClosed)).status == "answered"
             assert not player.heard(Alert)
