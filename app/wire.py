@@ -145,6 +145,17 @@ class Pong(Message):
 ClientMessage = Annotated[Hello | Input | Heartbeat | Submit | Note | View | Pong, Field(discriminator="type")]
 
 
+class StimulusWords(BaseModel):
+    """What the pages call a stimulus of the second task, such as `letter` and `letters`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    one: str
+    """A single one."""
+    many: str
+    """Several."""
+
+
 class Welcome(Message):
     """First message of the lab on a socket."""
 
@@ -164,13 +175,15 @@ class Welcome(Message):
     heartbeat_ms: int
     """How often the page should send a heartbeat, in milliseconds."""
     placement: Literal["second_device", "same_page_away", "none"]
-    """Where readings are shown: on a second device, over the scene, or nowhere."""
+    """Where alerts are shown: on a second device, over the scene, or nowhere."""
     show_assistance: bool
     """Whether the page shows when the robot assists."""
     last_seq: int
     """Highest input sequence number the lab has seen; the page goes on from there."""
     demo: bool = False
     """Whether this is a demo, which no study counts."""
+    stimuli: StimulusWords | None = None
+    """What the second task calls what it shows; null: readings."""
 
 
 class Page(Message):
@@ -259,20 +272,40 @@ class Status(Message):
     """Why, in words for the participant; null for none."""
 
 
+class AlertChoice(BaseModel):
+    """One answer to choose."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: str
+    """What is submitted when it is chosen."""
+    label: str
+    """What stands on its button."""
+    key: str
+    """The key that chooses it: one character."""
+
+
 class Alert(Message):
-    """A sensor reading to be logged. `elapsed_s` is trial time since it was raised (after a reload it is not 0)."""
+    """A stimulus of the second task, such as a sensor reading to be logged. `elapsed_s` is trial time since it was
+    raised (after a reload it is not 0)."""
 
     type: Literal["alert"] = "alert"
     alert: int
-    """Number of the reading, to be named in answers."""
+    """Number of the alert, to be named in answers."""
     reading: str
-    """The number to be typed in, as shown."""
+    """What is shown: of the readings, the number to be typed in."""
     elapsed_s: float
     """Trial time since it was raised, in seconds."""
     answer_within_s: float
     """Trial time after which it expires, in seconds."""
     away_min_s: float
     """How long the view stays covered at least, in seconds (same_page_away)."""
+    prompt: str | None = None
+    """What to do with it, in words; null: what readings ask for."""
+    choices: tuple[AlertChoice, ...] = ()
+    """The answers to choose from; empty: the answer is typed."""
+    right_answer: str | None = None
+    """For scripted clients alone: in lockstep, to a page that asked for telemetry. Null for everybody else."""
 
 
 class AlertClosed(Message):
@@ -280,7 +313,7 @@ class AlertClosed(Message):
 
     type: Literal["alert_closed"] = "alert_closed"
     alert: int
-    """Number of the reading."""
+    """Number of the alert."""
     status: Literal["answered", "expired", "trial_ended"]
     """What became of it."""
     release_in_s: float

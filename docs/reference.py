@@ -175,7 +175,11 @@ def part_tables() -> Iterator[PartTable]:
             yield PartTable(header, f'{key} = "{name}"', registry.load(name).Parameters)
 
 
-_PART_KEYS = (("arbiter", "[[conditions]]", "arbiter"), ("inference", "[inference]", "kind"))
+_PART_KEYS = (
+    ("arbiter", "[[conditions]]", "arbiter"),
+    ("inference", "[inference]", "kind"),
+    ("distractor", "[distractor]", "kind"),
+)
 
 
 def _part_sections() -> Iterator[str]:
@@ -376,8 +380,9 @@ def messages(union: Any) -> tuple[type[BaseModel], ...]:
 
 
 def wire_protocol() -> str:
-    """Every message on a participant's socket, and what each step hands in."""
+    """Every message on a participant's socket, what is inside some of them, and what each step hands in."""
     parts = []
+    inside: dict[str, str] = {}
     for title, union in (
         ("What a page sends", wire.ClientMessage),
         ("What the lab sends", wire.ServerMessage),
@@ -393,7 +398,11 @@ def wire_protocol() -> str:
                 inspect.getdoc(model) or "",
                 table(("field", "value", "default", "meaning"), rows),
             ]
-    return joined(*parts, steps())
+            for name in defs.keys() - {each.__name__ for each in messages(union)}:
+                part: type[BaseModel] = getattr(wire, name)
+                held = table(("field", "value", "default", "meaning"), field_rows(part, defs[name], defs))
+                inside[name] = joined(f"### `{name}`", inspect.getdoc(part) or "", held)
+    return joined(*parts, "## What stands inside messages", *(inside[name] for name in sorted(inside)), steps())
 
 
 def steps() -> str:

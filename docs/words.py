@@ -100,7 +100,7 @@ def _text(schema: Schema, defs: Mapping[str, Schema]) -> str:
     pattern = schema.get("pattern")
     bounds = [_PATTERNS.get(pattern, f"text like `{pattern}`") if pattern else "text"]
     if schema.get("minLength") and not pattern:
-        bounds.append("not empty")
+        bounds.append("not empty" if schema["minLength"] == 1 else f"at least {schema['minLength']} characters")
     if "maxLength" in schema:
         bounds.append(f"at most {schema['maxLength']} characters")
     return ", ".join(bounds)

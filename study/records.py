@@ -133,7 +133,9 @@ class TrialRow:
     hidden_s: float | None = column("How long the page was hidden; blank = not judged", unit="s", default=None)
     focus_losses: int | None = column("How often the page lost the focus; blank = not judged", least=0, default=None)
     pad_losses: int | None = column("How often the gamepad was lost; blank = not judged", least=0, default=None)
-    unanswered_alerts: int | None = column("Readings that expired; blank = not judged", least=0, default=None)
+    unanswered_alerts: int | None = column(
+        "Readings, or other alerts, that expired; blank = not judged", least=0, default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -214,21 +216,26 @@ class TickRow:
 
 @dataclass(frozen=True)
 class AlertRow:
-    """One sensor reading of the distractor."""
+    """One stimulus of the second task: a sensor reading, or that of another kind of distractor."""
 
     participant: str = column("Participant id")
     condition: str = column("Condition id from the study file")
     trial: int = column("Trial number, from 1", least=1)
     alert: int = column("Alert number in the trial, from 1", least=1)
     placement: str = column("Where it was shown", levels=("second_device", "same_page_away"))
-    reading: str = column("The reading to be logged")
+    reading: str = column(
+        "What was shown: the reading to be logged, or the stimulus of another kind, such as the letter of N-back"
+    )
     due_trial_s: float = column("Trial time at which the alert was raised", unit="s")
     shown_utc: str | None = column("When the page reported it visible; blank = never reported", unit=UTC)
     heard_utc: str | None = column("When the page reported the sound played; blank = never", unit=UTC)
     answered_utc: str | None = column("When the answer reached the lab; blank = no answer", unit=UTC)
     answered_trial_s: float | None = column("Trial time of the answer; blank = no answer", unit="s")
-    answer: str | None = column("What was typed; blank = no answer")
-    correct: int | None = column("1 = the typed value equals the reading; blank = no answer", unit=YES_NO)
+    answer: str | None = column("What was typed, or the id of the choice taken, such as `same`; blank = no answer")
+    correct: int | None = column(
+        "1 = right: the typed value equals the reading, or as the kind of distractor judges; blank = no answer",
+        unit=YES_NO,
+    )
     status: str = column("State of the alert", levels=("open", "answered", "expired", "trial_ended"))
 
 
@@ -280,7 +287,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "ticks": f"One row per {TICK_S:g} s decision of the trials: state, input, action and belief",
     "practice_ticks": f"One row per {TICK_S:g} s decision of the practice before a trial; columns as in ticks. "
     "Practice that is repeated goes on with another cycle",
-    "alerts": "One row per sensor reading of the second task",
+    "alerts": "One row per stimulus of the second task: a sensor reading, unless the study names another kind",
     "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
     "events": "Anything else that happened, in order",
 }

@@ -26,7 +26,7 @@ from app.trial.world import open_study, parse_stored
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
-from study.flow.distractor import from_rows
+from study.flow.distractors.state import from_rows
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
@@ -333,12 +333,13 @@ class Lab:
         setup = await self._setup_of(stored)
         plan = plan_session(setup.study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
-        resumed = await self.store.run(lambda store: _resumed(store, stored, setup.study))
+        resumed = await self.store.run(lambda store: _resumed(store, stored, setup))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         services = LabServices(
             store=self.store,
             study=setup.study,
+            distractor=setup.distractor,
             config=self.config,
             labels=setup.labels(),
             start_worker=self._start_worker,
@@ -428,7 +429,7 @@ class Lab:
                         await session.close()
 
 
-def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
+def _resumed(store: Store, stored: StoredSession, setup: StudySetup) -> Resumed:
     """Where the stored session stood, from its rows."""
     participant, session = stored.participant, stored.session
     table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
@@ -438,7 +439,7 @@ def _resumed(store: Store, stored: StoredSession, study: Study) -> Resumed:
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
     help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
     return Resumed(
-        distractor=from_rows(study.distractor, alerts),
+        distractor=from_rows(setup.distractor, stored.seed, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),

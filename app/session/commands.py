@@ -61,7 +61,7 @@ class Circumstances:
     ready: bool = False
     """The robot is in place."""
     lacks_panel: bool = False
-    """Readings would appear on a second device that nobody has opened."""
+    """The second task would appear on a second device that nobody has opened."""
     help_wanted: bool = False
 
 

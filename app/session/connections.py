@@ -3,9 +3,23 @@
 from __future__ import annotations
 
 from app.session.interfaces import Client, Enrolment, LabServices, Role
-from app.wire import Ack, Alert, AlertClosed, Error, Message, Notice, Page, Status, Superseded, Welcome, World
+from app.wire import (
+    Ack,
+    Alert,
+    AlertChoice,
+    AlertClosed,
+    Error,
+    Message,
+    Notice,
+    Page,
+    Status,
+    StimulusWords,
+    Superseded,
+    Welcome,
+    World,
+)
 from sim.interface import TICK_S
-from study.flow.distractor import AlertState, DistractorState
+from study.flow.distractors.state import AlertState, DistractorState
 from study.flow.protocol import Session
 
 
@@ -58,7 +72,7 @@ class Connections:
 
     def welcome(self, client: Client, last_seq: int) -> None:
         """The first message on a socket."""
-        distractor = self._services.study.distractor
+        distractor, words = self._services.study.distractor, self._services.distractor.words
         client.deliver(
             Welcome(
                 role=client.role,
@@ -68,6 +82,7 @@ class Connections:
                 tick_s=TICK_S,
                 heartbeat_ms=self._services.config.heartbeat_ms,
                 placement=distractor.placement if distractor.enabled else "none",
+                stimuli=None if distractor.kind == "readings" else StimulusWords(one=words.one, many=words.many),
                 show_assistance=self._services.study.show_assistance,
                 last_seq=last_seq,
                 demo=self._enrolment.demo,
@@ -101,31 +116,36 @@ class Connections:
         """A line from the experimenter."""
         self._tell("participant", Notice(text=text))
 
-    def show_reading(self, reading: AlertState | None, distractor: DistractorState, trial_s: float) -> None:
-        """A reading, open or closed, to the page the study puts it on."""
-        if reading is None:
+    def show_alert(self, alert: AlertState | None, distractor: DistractorState, trial_s: float) -> None:
+        """An alert, open or closed, to the page the study puts it on."""
+        if alert is None:
             return
         settings = self._services.study.distractor
-        message: Message
-        if reading.status == "open":
-            message = Alert(
-                alert=reading.alert,
-                reading=reading.reading,
-                elapsed_s=max(0.0, trial_s - reading.due_trial_s),
-                answer_within_s=settings.answer_within_s,
-                away_min_s=settings.away_min_s,
-            )
-        else:
+        role: Role = "panel" if settings.placement == "second_device" else "participant"
+        if alert.status != "open":
             release_in_s = distractor.release_in_s(trial_s)
-            message = AlertClosed(alert=reading.alert, status=reading.status, release_in_s=release_in_s)
-        self._tell("panel" if settings.placement == "second_device" else "participant", message)
+            self._tell(role, AlertClosed(alert=alert.alert, status=alert.status, release_in_s=release_in_s))
+            return
+        client, stimulus = self._clients[role], alert.stimulus
+        is_scripted = client is not None and client.telemetry and self._enrolment.pace == "lockstep"
+        message = Alert(
+            alert=alert.alert,
+            reading=stimulus.text,
+            elapsed_s=max(0.0, trial_s - alert.due_trial_s),
+            answer_within_s=round(distractor.deadline_s(alert.alert) - alert.due_trial_s, 6),
+            away_min_s=settings.away_min_s,
+            prompt=stimulus.prompt or None,
+            choices=tuple(AlertChoice(**vars(choice)) for choice in stimulus.choices),
+            right_answer=distractor.right_answer(alert.alert) if is_scripted else None,
+        )
+        self._tell(role, message)
 
     def show_cover(self, distractor: DistractorState, trial_s: float) -> None:
-        """To a page that comes in between: the open reading, or that the controls are not back yet."""
+        """To a page that comes in between: the open alert, or that the controls are not back yet."""
         if distractor.open_alert is not None:
-            self.show_reading(distractor.open_alert, distractor, trial_s)
+            self.show_alert(distractor.open_alert, distractor, trial_s)
         elif distractor.locked(trial_s):
-            self.show_reading(distractor.alerts[-1], distractor, trial_s)
+            self.show_alert(distractor.alerts[-1], distractor, trial_s)
 
     def _tell(self, role: Role, message: Message) -> None:
         client = self._clients[role]
@@ -144,7 +164,7 @@ def refuse(client: Client, code: str, field: str | None, text: str, identifier: 
 
 
 def panel_page(session: Session) -> Page:
-    """The second device's page: `trial` while readings may come, `paused`, `waiting`, or how the session ended."""
+    """The second device's page: `trial` while alerts may come, `paused`, `waiting`, or how the session ended."""
     live = session.state if session.place == "trial" else "waiting"
     state = session.state if session.is_over else live
     return Page(state=state, trial=None, trials=session.trials, content={})

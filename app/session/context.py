@@ -20,7 +20,7 @@ from app.session.worker_link import WorkerLink
 from app.trial.looks import looks_of
 from app.trial.values import CycleStart, cycle_to_json
 from app.wire import Instruction, Page, Status
-from study.flow.distractor import DistractorState
+from study.flow.distractors.state import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
 from study.flow.protocol import Session
 from study.records import AlertRow, EventRow, utc_text
@@ -61,7 +61,7 @@ class SessionContext:
         self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 
     def alert_rows(self, numbers: Iterable[int]) -> tuple[AlertRow, ...]:
-        """The rows of these readings of the trial as they stand."""
+        """The rows of these alerts of the trial as they stand."""
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.running.distractor
         condition = self.enrolment.plan.trial(trial).condition
         found = [distractor.alert(number) for number in dict.fromkeys(numbers)]
@@ -102,20 +102,20 @@ class SessionContext:
     # ---- the practice or trial under way ---------------------------------------------------------------------------
 
     async def forget_running_trial(self) -> None:
-        """End the worker and forget the practice or trial it ran: its readings, its ticks, what was noticed."""
-        self.running = RunningTrial(DistractorState(self.services.study.distractor))
+        """End the worker and forget the practice or trial it ran: its alerts, its ticks, what was noticed."""
+        self.running = RunningTrial(DistractorState(self.services.distractor))
         self.noticed.clear()
         self.history.forget_ticks()
         await self.link.stop()
 
     def lacks_panel(self) -> bool:
-        """Whether a trial is next and its readings would appear on a second device that nobody has opened."""
+        """Whether a trial is next and its alerts would appear on a second device that nobody has opened."""
         distractor = self.services.study.distractor
         on_panel = distractor.enabled and distractor.placement == "second_device"
         return self.session.place == "trial_ready" and on_panel and self.connections.panel is None
 
     def is_away(self) -> bool:
-        """Whether a reading keeps the hands off the pad."""
+        """Whether an alert keeps the hands off the pad."""
         if self.session.place != "trial":
             return False
         paced = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.link.held

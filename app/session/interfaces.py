@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from app.config import LabConfig, Pace
 from app.trial.labels import Labels
 from app.wire import Message
 from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
-from study.flow.distractor import DistractorState
+from study.flow.distractors.interface import Distractor
+from study.flow.distractors.state import DistractorState
 from study.flow.protocol import WorkerKind
 from study.records import EventRow, TrialRow, utc_text
 from study.store import AsyncStore
@@ -95,6 +96,8 @@ class LabServices:
 
     store: AsyncStore
     study: Study
+    distractor: Distractor[Any]
+    """The study's second task."""
     config: LabConfig
     labels: Labels
     start_worker: Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], WorkerHandle]

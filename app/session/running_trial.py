@@ -1,4 +1,4 @@
-"""The practice or the trial under way, as the lab follows it: which tick, what is on the screen, which readings."""
+"""The practice or the trial under way, as the lab follows it: which tick, what is on the screen, which alerts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from app.trial.values import TrialView
 from app.wire import World
 from app.worker.messages import Ready, Ticked
 from sim.interface import TICK_S
-from study.flow.distractor import AlertState, DistractorState
+from study.flow.distractors.interface import Stimulus
+from study.flow.distractors.state import AlertState, DistractorState
+
+_UNSEEN = Stimulus("")
+"""Stands in where only the times of alerts matter."""
 
 
 @dataclass
@@ -57,9 +61,9 @@ class RunningTrial:
         self.next_tick_unix_s = report.started_unix_s - (report.late_ms or 0.0) / 1000.0 + TICK_S
         self.world = World(**vars(report.world))
 
-    def advance_distractor(self, reading: Callable[[int], str], finished: bool) -> tuple[AlertState, ...]:
+    def advance_distractor(self, stimulus: Callable[[int], Stimulus], finished: bool) -> tuple[AlertState, ...]:
         """The alerts that were raised, expired, or closed by the end of the trial, in order."""
-        self.distractor, changed = self.distractor.advance(self.trial_s, reading)
+        self.distractor, changed = self.distractor.advance(self.trial_s, stimulus)
         return (*changed, *self.close_distractor()) if finished else changed
 
     def close_distractor(self) -> tuple[AlertState, ...]:
@@ -72,11 +76,11 @@ class RunningTrial:
 
         In lockstep that is the tick about to run. In real time (`paced`) it is the one after the running tick, and a
         busy machine leaves open which of two that is: the pad counts only if both are free. So not even the first
-        tick of a reading is driven, and the hands are never free too early (half a second too late at most).
+        tick of an alert is driven, and the hands are never free too early (half a second too late at most).
         """
         starts_s = [self.trial_s]
         # A tick is reported when its last slice is done, a little before the next one starts.
         if paced and now_unix_s >= self.next_tick_unix_s:
             starts_s.append(self.trial_s + TICK_S)
-        ahead = [(start_s, self.distractor.advance(start_s, lambda number: "")[0]) for start_s in starts_s]
+        ahead = [(start_s, self.distractor.advance(start_s, lambda number: _UNSEEN)[0]) for start_s in starts_s]
         return any(distractor.locked(start_s) for start_s, distractor in ahead)

@@ -1,4 +1,7 @@
-"""What the pages hand in: steps of the study, readings, notes of the browser. Each counts once, however often sent."""
+"""What the pages hand in: steps of the study, answers to alerts, notes of the browser.
+
+Each counts once, however often it is sent.
+"""
 
 from __future__ import annotations
 
@@ -117,9 +120,9 @@ class Submissions:
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
         context, running = self._context, self._context.running
-        placement = context.services.study.distractor.placement
+        placement, words = context.services.study.distractor.placement, context.services.distractor.words
         if client.role != ("panel" if placement == "second_device" else "participant"):
-            raise Refused("illegal", ("step", f"in this study readings are shown and logged on: {placement}"))
+            raise Refused("illegal", ("step", f"in this study {words.many} are shown and logged on: {placement}"))
         data, utc = parse(AlertData, message.data), context.services.now_utc()
         if running.distractor.alert(data.alert) is None and not context.session.is_ticking:
             # The trial ended while this was on its way: nobody did anything wrong.
@@ -128,7 +131,7 @@ class Submissions:
             acknowledge(client, message.id)
             return
         if running.distractor.alert(data.alert) is None:
-            raise Refused("invalid", ("data.alert", f"no reading {data.alert} has been shown in this trial"))
+            raise Refused("invalid", ("data.alert", f"no {words.one} {data.alert} has been shown in this trial"))
         events: tuple[EventRow, ...] = ()
         if message.step == "alert_shown":
             running.distractor = running.distractor.shown(data.alert, utc)
@@ -137,7 +140,12 @@ class Submissions:
         else:
             after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
             if result == "empty":
-                raise Refused("invalid", ("data.value", "Please type the reading."))
+                verb = "answer" if running.distractor.alerts[data.alert - 1].stimulus.choices else "type"
+                raise Refused("invalid", ("data.value", f"Please {verb} the {words.one}."))
+            if result == "no_choice":
+                choices = running.distractor.alerts[data.alert - 1].stimulus.choices
+                ids = ", ".join(choice.id for choice in choices)
+                raise Refused("invalid", ("data.value", f"{data.value!r} is none of the answers: {ids}"))
             running.distractor = after
             answer = {"alert": data.alert, "result": result, "value": data.value}
             events = (context.event("alert_answer", "participant", answer),)
@@ -145,7 +153,7 @@ class Submissions:
         await context.commit(Batch(submission=context.submission(message.id), alerts=alerts, events=events))
         acknowledge(client, message.id)
         if events:
-            context.connections.show_reading(running.distractor.alert(data.alert), running.distractor, running.trial_s)
+            context.connections.show_alert(running.distractor.alert(data.alert), running.distractor, running.trial_s)
 
 
 def _answer_again(client: Client, identifier: str, response: Mapping[str, Any]) -> None:

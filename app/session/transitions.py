@@ -13,7 +13,6 @@ from app.session import pages
 from app.session.context import SessionContext
 from app.trial.values import CycleStart, cycle_from_json
 from app.worker.messages import Begin, Failed, Hold, HoldChanged, PartFailed, Ready, SpectatorPort, Ticked, WorkerReport
-from study.definition.study import reading
 from study.flow import protocol
 from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
@@ -206,8 +205,12 @@ class Transitions:
             context.vitals.overruns += 1
             events.append(context.event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
         noticed = tuple(context.noticed)
-        plan = context.enrolment.plan.trial(context.session.trial)
-        changed = () if practice else running.advance_distractor(lambda number: reading(plan, number), result.finished)
+        seed, trial, distractor = context.enrolment.plan.seed, context.session.trial, context.services.distractor
+        changed = (
+            ()
+            if practice
+            else running.advance_distractor(lambda number: distractor.stimulus(seed, trial, number), result.finished)
+        )
         batch = Batch(
             ticks=() if practice else (row,),
             practice_ticks=(row,) if practice else (),
@@ -222,7 +225,7 @@ class Transitions:
             connections.show_world(running.world)
             connections.show_tick(tick)
             for item in changed:
-                connections.show_reading(item, running.distractor, running.trial_s)
+                connections.show_alert(item, running.distractor, running.trial_s)
 
         if result.finished:
             await self._running_trial_done(batch, on_disk=show_all)
@@ -255,4 +258,5 @@ class Transitions:
         ticks, overruns = 0 if running.tick is None else running.tick + 1, context.vitals.overruns
         row = replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=ended_utc)
         expired = sum(alert.status == "expired" for alert in running.distractor.alerts)
-        return judged(row, (*stored, *context.noticed), expired, context.services.study.quality)
+        stimuli = context.services.distractor.words.many
+        return judged(row, (*stored, *context.noticed), expired, context.services.study.quality, stimuli)

@@ -1,7 +1,7 @@
 """Scripted clients of the wire: `salab bot` completes a whole study as a participant would, without a browser.
 
 The bot follows the link (HTTP, for the cookie), opens the WebSocket, fills in every form, drives the robot with
-`app.simulated.pilot` and logs every reading. It must run in lockstep: it has no hands to time.
+`app.simulated.pilot` and answers every alert. It must run in lockstep: it has no hands to time.
 """
 
 from __future__ import annotations
@@ -206,9 +206,10 @@ def _demographic(item: Mapping[str, Any]) -> Any:
 
 
 def alert_steps(alert: Alert) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """What is submitted about a reading: seen, heard, logged."""
+    """What is submitted about a stimulus: seen, heard, answered."""
     number = {"alert": alert.alert}
-    return ("alert_shown", number), ("alert_heard", number), ("alert_answer", {**number, "value": alert.reading})
+    answer = alert.reading if alert.right_answer is None else alert.right_answer
+    return ("alert_shown", number), ("alert_heard", number), ("alert_answer", {**number, "value": answer})
 
 
 class PanelBot:
@@ -218,9 +219,9 @@ class PanelBot:
         self._wire = wire
 
     async def catch_up(self) -> int:
-        """Log every reading shown so far; returns how many there were.
+        """Answer every alert shown so far; returns how many there were.
 
-        The lab answers in order: once a note sent now is acknowledged, every reading shown before it has arrived.
+        The lab answers in order: once a note sent now is acknowledged, every alert shown before it has arrived.
         """
         logged = 0
         marker = self._wire.new_id()
@@ -396,6 +397,8 @@ async def run_bot(url: str, panel_url: str | None = None, say: Callable[[str], N
     async with contextlib.AsyncExitStack() as stack:
         panel = None
         if panel_url is not None:
-            panel = PanelBot(await stack.enter_async_context(open_wire(await enter(panel_url), "bot-panel")))
+            panel = PanelBot(
+                await stack.enter_async_context(open_wire(await enter(panel_url), "bot-panel", telemetry=True))
+            )
         wire = await stack.enter_async_context(open_wire(await enter(url), "bot", telemetry=True))
         return await Bot(wire, say, panel).run()

@@ -20,9 +20,9 @@ from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup
 from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
-from study.definition.study import SessionPlan, TrialPlan, plan_session, reading
+from study.definition.study import SessionPlan, TrialPlan, plan_session
 from study.flow import protocol
-from study.flow.distractor import DistractorState
+from study.flow.distractors.state import DistractorState
 from study.flow.protocol import Event, Session
 from study.flow.steps import STEPS, StepContext
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
@@ -160,7 +160,7 @@ class _Run:
         self._leave(Event("practice_done"), sitting)
 
     def trial(self) -> None:
-        """Three pickups and dropoffs, readings among them."""
+        """Three pickups and dropoffs, the distractor among them."""
         number = self.session.trial
         row = self.case.setup.trial_row(self.case.participant, self.plan, number)
         started_utc = self.utc
@@ -239,17 +239,17 @@ class _Run:
 
 @dataclass
 class _Errand:
-    """What a participant will do about one reading; ticks of the trial, None = never."""
+    """What a participant will do about one alert; ticks of the trial, None = never."""
 
     leave: int | None
     answer: int | None
     away: int
-    typed: str
+    answer_text: str
 
 
 @dataclass
 class _Sitting:
-    """One practice or trial: driver, engine and readings, tick by tick."""
+    """One practice or trial: driver, engine and distractor, tick by tick."""
 
     run_: _Run
     kind: Literal["practice", "trial"]
@@ -271,7 +271,7 @@ class _Sitting:
             stream(run.case.seed, self.kind, trial),
             self.trial_setup.timing.speed_m_s * TICK_S,
         )
-        self.distractor = DistractorState(setup.study.distractor)
+        self.distractor = DistractorState(setup.distractor)
         self.errands: dict[int, _Errand] = {}
 
     def run(self) -> None:
@@ -307,20 +307,23 @@ class _Sitting:
             run.event(item.kind, "robot", item.data)
         self._judge(result, sight, engine.world.position_world_gripper_m)
         if self.kind == "trial":
-            self._raise_readings(tick + 1)
+            self._raise_alerts(tick + 1)
 
-    # ---- the readings -------------------------------------------------------------------------------------------
+    # ---- the distractor -----------------------------------------------------------------------------------------
 
-    def _raise_readings(self, tick: int) -> None:
-        """New readings, and what this person will do about them."""
-        run = self.run_
-        self.distractor, changed = self.distractor.advance(tick * TICK_S, lambda number: reading(self.plan, number))
+    def _raise_alerts(self, tick: int) -> None:
+        """New alerts, and what this person will do about them."""
+        run, seed, trial = self.run_, self.plan.seed, self.plan.trial
+        kind = self.distractor.distractor
+        self.distractor, changed = self.distractor.advance(
+            tick * TICK_S, lambda number: kind.stimulus(seed, trial, number)
+        )
         for alert in changed:
             if alert.status == "open":
                 self.distractor = self.distractor.shown(alert.alert, run.utc).heard(alert.alert, run.utc)
-                self.errands[alert.alert] = self._plan_errand(alert.alert, alert.reading, tick)
+                self.errands[alert.alert] = self._plan_errand(alert.alert, tick)
 
-    def _plan_errand(self, number: int, text: str, tick: int) -> _Errand:
+    def _plan_errand(self, number: int, tick: int) -> _Errand:
         traits = self.run_.traits
         rng = stream(self.run_.case.seed, "alerts", self.plan.trial, number)
         reaction_s, away_s, return_s = (
@@ -329,26 +332,24 @@ class _Sitting:
         )
         if rng.random() < traits.miss:
             return _Errand(None, None, 0, "")
-        digit = int(rng.integers(len(text)))
-        typed = text
-        if rng.random() < traits.typing_error and text[digit].isdigit():
-            typed = text[:digit] + str((int(text[digit]) + int(rng.integers(1, 10))) % 10) + text[digit + 1 :]
+        stimuli = self.distractor.stimuli(number)
+        answer = self.distractor.distractor.simulated_answer(stimuli, traits.typing_error, rng)
         leave = tick + ticks_of(reaction_s)
-        return _Errand(leave, leave + ticks_of(ANSWER_SHARE * away_s), ticks_of(away_s + return_s), typed)
+        return _Errand(leave, leave + ticks_of(ANSWER_SHARE * away_s), ticks_of(away_s + return_s), answer)
 
     def _attend(self, tick: int) -> None:
-        """Hands off, or a reading typed, when its tick has come."""
+        """Hands off, or an answer given, when its tick has come."""
         run = self.run_
         for number, errand in self.errands.items():
             if errand.leave == tick:
                 self.driver.leave(errand.away)
             if errand.answer == tick:
-                self.distractor, result = self.distractor.answer(number, errand.typed, tick * TICK_S, run.utc)
-                data = {"alert": number, "result": result, "value": errand.typed}
+                self.distractor, result = self.distractor.answer(number, errand.answer_text, tick * TICK_S, run.utc)
+                data = {"alert": number, "result": result, "value": errand.answer_text}
                 run.event("alert_answer", "participant", data)
 
     def alert_rows(self) -> list[Any]:
-        """The readings' rows."""
+        """The alerts' rows."""
         case, plan = self.run_.case, self.plan
         return [
             self.distractor.row(alert, case.participant, plan.condition, plan.trial) for alert in self.distractor.alerts

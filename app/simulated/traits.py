@@ -62,7 +62,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
         "reaction_s": Spread(1.2, 0.3, 0.3, 5.0, False, "from the sound until the hands leave the controls, seconds"),
         "away_s": Spread(5.5, 0.2, 3.0, 15.0, True, "hands away for one reading, seconds (mean of that person)"),
         "return_s": Spread(1.0, 0.3, 0.0, 4.0, False, "from being back until the first movement, seconds"),
-        "typing_error": Spread(0.03, 0.6, 0.0, 0.5, False, "chance that a typed reading is wrong in one digit"),
+        "typing_error": Spread(0.03, 0.6, 0.0, 0.5, False, "chance that an answer is wrong: a reading, in one digit"),
         "miss": Spread(0.005, 0.6, 0.0, 0.5, False, "chance that a reading is not answered at all"),
     }
 )

@@ -1,17 +1,23 @@
-"""The parts a study may name, and how they are made: arbiters and goal inferences.
+"""The parts a study may name, and how they are made: arbiters, goal inferences and distractors.
 
 Every one is a row of a table, or registered by an installed package, or a class in a file beside the study file.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from app.autonomy.interface import Arbiter, GoalInference, Models
-from study.definition.part_fields import made
+from study.definition.part_fields import field_names, made, parameter_problems
+from study.definition.sections import DistractorSettings
+from study.definition.toml_reader import spell
+from study.flow.distractors.contract import broken_promise
+from study.flow.distractors.interface import Distractor
+from study.parts.code import Code
 from study.parts.errors import PartError
 from study.parts.registry import Registry
-from study.parts.shelf import Named, Shelf
+from study.parts.shelf import Named, Shelf, code_among
 
 ARBITERS = Registry(
     noun="arbiter",
@@ -31,34 +37,96 @@ INFERENCES = Registry(
     methods=("update",),
     base="app.autonomy.interface:GoalInference",
 )
-
-REGISTRIES = {"arbiter": ARBITERS, "inference": INFERENCES}
+DISTRACTORS = Registry(
+    noun="distractor",
+    group="salab.distractors",
+    shipped={
+        "readings": "study.flow.distractors.readings:Readings",
+        "nback": "study.flow.distractors.nback:NBack",
+    },
+    methods=("Parameters", "due_s", "deadline_s", "stimulus", "right_answer", "is_right", "simulated_answer"),
+)
+REGISTRIES: Mapping[str, Registry] = {"arbiter": ARBITERS, "inference": INFERENCES, "distractor": DISTRACTORS}
 
 
 def shelf(trust: bool = False) -> Shelf:
     """What a study file may name; `trust`: its own code may run."""
-    return Shelf(REGISTRIES, trust)
+    return Shelf(REGISTRIES, trust, _TRIALS)
 
 
-def make_arbiter(named: Named, models: Models) -> Arbiter:
+def named(kind: str, name: str, given: Mapping[str, Any], codes: Sequence[Code], shelf: Shelf) -> Named:
+    """A part of a study with everything it takes. Raises `PartError` with one line: unknown, not trusted, not the
+    source it was, broken, or given what it does not take."""
+    code = code_among(codes, kind, name)
+    part = shelf.load(kind, name, code)
+    found = parameter_problems(part.Parameters, given)
+    if found:
+        raise PartError(f"{kind} {name!r}: {spell(found[0].path)}: {found[0].sentence}")
+    whole = made(part.Parameters, given)
+    return Named(kind, name, {field: getattr(whole, field) for field in field_names(part.Parameters)}, code)
+
+
+def make_arbiter(part: Named, models: Models) -> Arbiter:
     """An arbiter as a study names it. Raises `PartError` as `Shelf.load`, and for one that cannot be made.
 
     The code of a set-up is trusted: whoever made the set-up had to say so.
     """
-    arbiter: Arbiter = _make(named, models)
+    arbiter: Arbiter = _make(part, models)
     return arbiter
 
 
-def make_inference(named: Named, models: Models) -> GoalInference:
+def make_inference(part: Named, models: Models) -> GoalInference:
     """A goal inference as a study names it; raises as `make_arbiter`."""
-    inference: GoalInference = _make(named, models)
+    inference: GoalInference = _make(part, models)
     return inference
 
 
-def _make(named: Named, models: Models) -> Any:
-    loaded = shelf(trust=True).load(named.kind, named.name, named.code)
+def make_distractor(settings: DistractorSettings, codes: Sequence[Code] = (), trust: bool = False) -> Distractor[Any]:
+    """The distractor of a study; raises as `make_arbiter`, and for one that does not keep to its contract."""
+    part = named("distractor", settings.kind, settings.parameters, codes, shelf(trust))
+    distractor: Distractor[Any] = _make(part, settings)
+    broken = broken_promise(distractor)
+    if broken is not None:
+        raise PartError(f"distractor {settings.kind!r}: {broken}")
+    return distractor
+
+
+def _make(part: Named, given: Models | DistractorSettings) -> Any:
+    loaded = shelf(trust=True).load(part.kind, part.name, part.code)
     try:
-        return loaded(made(loaded.Parameters, named.parameters), models)
+        return loaded(made(loaded.Parameters, part.parameters), given)
     except Exception as error:  # somebody else's code may raise whatever it likes
         text = " ".join(str(error).split())
-        raise PartError(f"{named.kind} {named.name!r} cannot be made: {type(error).__name__}: {text}") from error
+        raise PartError(f"{part.kind} {part.name!r} cannot be made: {type(error).__name__}: {text}") from error
+
+
+# ---- tried out while a study file is read -------------------------------------------------------------------------
+
+
+def _tried(name: str, loaded: Any, make: Callable[[], Any]) -> str | None:
+    try:
+        make()
+    except Exception as error:  # somebody else's code may raise whatever it likes
+        return f"{name} {loaded.__name__} cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
+    return None
+
+
+def _try_with_models(kind: str) -> Callable[[Any, Mapping[str, Any]], str | None]:
+    def tried(loaded: Any, table: Mapping[str, Any]) -> str | None:
+        return _tried(kind, loaded, lambda: loaded(made(loaded.Parameters, table), Models()))
+
+    return tried
+
+
+def _try_distractor(loaded: Any, table: Mapping[str, Any]) -> str | None:
+    settings = DistractorSettings.model_validate(table)
+    distractor: list[Any] = []
+    problem = _tried("distractor", loaded, lambda: distractor.append(loaded(made(loaded.Parameters, table), settings)))
+    return problem or broken_promise(distractor[0])
+
+
+_TRIALS: Mapping[str, Callable[[Any, Mapping[str, Any]], str | None]] = {
+    "arbiter": _try_with_models("arbiter"),
+    "inference": _try_with_models("inference"),
+    "distractor": _try_distractor,
+}

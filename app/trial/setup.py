@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -15,18 +15,15 @@ from app.autonomy.errors import AutonomyError
 from app.autonomy.interface import Arbiter, Models
 from app.autonomy.transition import TransitionModel
 from app.trial.labels import Labels
-from app.trial.parts import make_arbiter, make_inference, shelf
+from app.trial.parts import make_arbiter, make_distractor, make_inference, named, shelf
 from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
 from app.trial.world import layout_of
 from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from study.definition.named_parts import parameters_of
-from study.definition.part_fields import made, parameter_problems
 from study.definition.sections import MODEL_FIELDS, ArbiterSettings
 from study.definition.study import SessionPlan, Study
-from study.definition.toml_reader import spell
-from study.parts.code import Code
-from study.parts.errors import PartError
+from study.flow.distractors.interface import Distractor
 from study.parts.shelf import Named, code_among
 from study.records import TrialRow
 
@@ -46,6 +43,7 @@ class StudySetup:
     calibration: Calibration | None
     arbiters: Mapping[str, Named]
     inferences: Mapping[str, Named]
+    distractor: Distractor[Any]
 
     def models(self, condition_id: str) -> Models:
         """The models of the person and of the arm under one condition."""
@@ -162,29 +160,19 @@ def study_setup(study: Study, trust: bool = False) -> StudySetup:
     arbiters, inferences = {}, {}
     for condition in study.conditions:
         code = code_among(study.codes, "arbiter", condition.arbiter)
-        kind = held.load("arbiter", condition.arbiter, code)
-        given = parameters_of(condition, study.arbiter, kind.Parameters)
+        given = parameters_of(condition, study.arbiter, held.load("arbiter", condition.arbiter, code).Parameters)
         if given.get("alpha") == CALIBRATED:
             calibration = calibration or _calibrate(study, layout)
             given = {**given, "alpha": calibration.alpha}
-        arbiters[condition.id] = _named("arbiter", condition.arbiter, kind, given, code)
+        arbiters[condition.id] = named("arbiter", condition.arbiter, given, study.codes, held)
         chosen = condition.inference or study.inference
-        code = code_among(study.codes, "inference", chosen.kind)
-        kind = held.load("inference", chosen.kind, code)
-        inferences[condition.id] = _named("inference", chosen.kind, kind, chosen.parameters, code)
-    setup = StudySetup(study, layout, calibration, arbiters, inferences)
+        inferences[condition.id] = named("inference", chosen.kind, chosen.parameters, study.codes, held)
+    distractor = make_distractor(study.distractor, study.codes, trust)
+    setup = StudySetup(study, layout, calibration, arbiters, inferences, distractor)
     for condition in study.conditions:  # what cannot be made is told now, not in a trial
         setup.arbiter(condition.id)
         make_inference(setup.inferences[condition.id], setup.models(condition.id))
     return setup
-
-
-def _named(kind: str, name: str, part: Any, given: Mapping[str, Any], code: Code | None) -> Named:
-    """The part with everything it takes, defaults included. Raises `PartError`."""
-    found = parameter_problems(part.Parameters, given)
-    if found:
-        raise PartError(f"{kind} {name!r}: {spell(found[0].path)}: {found[0].sentence}")
-    return Named(kind, name, asdict(made(part.Parameters, given)), code)
 
 
 def _models(settings: ArbiterSettings, instead: Mapping[str, Any]) -> Models:

@@ -174,7 +174,7 @@ export class Results {
     const { trials, alerts } = summary;
     setText(
       this.counts,
-      `Trials: ${trials.completed} completed, ${trials.aborted} aborted, ${trials.running} running · Readings: ${alerts.answered} answered, ${alerts.expired} unanswered (without pilots and demos)`,
+      `Trials: ${trials.completed} completed, ${trials.aborted} aborted, ${trials.running} running · Second task: ${alerts.answered} answered, ${alerts.expired} unanswered (without pilots and demos)`,
     );
     this.noScores.hidden = summary.scores.length > 0;
     this.scoreTable.hidden = summary.scores.length === 0;

@@ -1,10 +1,12 @@
-// The second device: waits, shows a reading with a loud sound, takes the number. Made to be read from across a room.
+// The second device: waits, shows a reading (or what another kind of second task has) with a loud sound, and takes the
+// answer. Made to be read from across a room.
 
 import { h, icon, setText } from "../common/dom.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { card, Toasts } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { Sound } from "../readings/sound.js";
+import { wordsFor } from "../readings/words.js";
 import { LabSocket } from "../wire/socket.js";
 
 /** @import { IconName } from "../common/dom.js" */
@@ -20,11 +22,6 @@ const CONNECTION = {
   superseded: ["warning", "Open on another device"],
   denied: ["warning", "Link not valid"],
   outdated: ["warning", "Page out of date"],
-};
-const RESULTS = {
-  answered: "Reading saved.",
-  expired: "Time ran out for the last reading.",
-  trial_ended: "The round has ended.",
 };
 
 const session = sessionOfPage();
@@ -47,20 +44,18 @@ on.addEventListener("click", async () => {
   setTimeout(() => alert.covering || sound.silence(), 800);
   refresh();
 });
-const locked = h(
-  "section",
-  { class: "panel-wait", data: { testid: "panel-locked" } },
-  h("h1", {}, "Sensor readings"),
-  h("p", {}, "This screen shows the readings. Press the button once, so that the browser lets the alarm through."),
-  on,
-);
+const lockedTitle = h("h1", {});
+const lockedText = h("p", {});
+const locked = h("section", { class: "panel-wait", data: { testid: "panel-locked" } }, lockedTitle, lockedText, on);
 const last = h("p", { class: "panel-last", role: "status", data: { testid: "panel-last" } });
-const waitText = h("p", {}, "The next reading appears here, with a loud sound. Type it and press Enter.");
+const waitTitle = h("h1", {});
+const waitText = h("p", {});
+const device = h("span", { class: "brand-title" });
 const waiting = h(
   "section",
   { class: "panel-wait", data: { testid: "panel-waiting" } },
   h("div", { class: "pulse", "aria-hidden": "true" }),
-  h("h1", {}, "Waiting for a reading"),
+  waitTitle,
   waitText,
   last,
 );
@@ -68,7 +63,23 @@ const main = h("main", { id: "main" }, locked, waiting, alert.element);
 
 /** @type {HTMLElement | null} */
 let ended = null;
+let words = wordsFor(null).panel;
 let started = false; // the button was pressed: sound is known to come through
+
+/**
+ * The words of the study's second task, once the lab has said which.
+ *
+ * @returns {void}
+ */
+function name() {
+  words = wordsFor(socket.welcome).panel;
+  document.title = words.device;
+  setText(device, words.device);
+  setText(lockedTitle, words.title);
+  setText(lockedText, words.purpose);
+  setText(waitTitle, words.waiting);
+  setText(waitText, words.next);
+}
 
 /** @returns {void} */
 function refresh() {
@@ -105,7 +116,8 @@ function reopen() {
 
 alert.addEventListener("open", refresh);
 alert.addEventListener("released", (event) => {
-  setText(last, event.detail ? RESULTS[event.detail] : "");
+  const results = { answered: words.answered, expired: words.missed, trial_ended: "The round has ended." };
+  setText(last, event.detail ? results[event.detail] : "");
   refresh();
 });
 sound.addEventListener("state", refresh);
@@ -121,25 +133,21 @@ socket.addEventListener("state", (event) => {
       reopen();
       socket.takeOver();
     });
-    finish("The panel is open somewhere else", "Readings appear there.", again);
+    finish("The panel is open somewhere else", words.elsewhere, again);
   } else if (event.detail === "denied")
     finish("This link does not work any more", "Open the link for the second device once more.");
   else if (event.detail === "outdated") finish("This page is out of date", "Reload the page to go on.");
   refresh();
 });
+socket.addEventListener("welcome", name);
 socket.addEventListener("page", (event) => {
   const { state } = event.detail;
-  if (OVER.has(state)) return finish("That is all", "No more readings. You can close this page.");
+  if (OVER.has(state)) return finish("That is all", words.over);
   if (ended) reopen();
   alert.pause(state === "paused");
   alert.conceal(state === "paused");
   if (state !== "trial" && state !== "paused") alert.clear();
-  setText(
-    waitText,
-    state === "paused"
-      ? "The round is paused."
-      : "The next reading appears here, with a loud sound. Type it and press Enter.",
-  );
+  setText(waitText, state === "paused" ? "The round is paused." : words.next);
   refresh();
 });
 socket.addEventListener("status", (event) =>
@@ -158,18 +166,14 @@ document.body.append(
     h(
       "header",
       { class: "top" },
-      h(
-        "span",
-        { class: "brand" },
-        h("span", { class: "brand-mark", "aria-hidden": "true" }),
-        h("span", { class: "brand-title" }, "Sensor panel"),
-      ),
+      h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), device),
       connection,
     ),
     main,
     toasts.element,
   ),
 );
+name();
 refresh();
 on.focus();
 socket.connect();

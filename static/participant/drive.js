@@ -3,6 +3,7 @@
 import { h, icon, setText } from "../common/dom.js";
 import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
+import { wordsFor } from "../readings/words.js";
 import { legendFor } from "./controls.js";
 import { pausedView } from "./forms.js";
 import { indicator } from "./indicator.js";
@@ -151,7 +152,7 @@ export class DriveView {
       this.alert.addEventListener("released", (event) => {
         this._refresh();
         this.region.focus({ preventScroll: true });
-        if (event.detail === "expired") this._say("Time ran out for that reading.");
+        if (event.detail === "expired") this._say(wordsFor(this.socket.welcome).missed);
       });
     }
     this._drawLegend();

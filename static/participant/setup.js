@@ -6,6 +6,7 @@ import { card } from "../common/shell.js";
 import { calibrate } from "../hands/calibration.js";
 import { remember, remembered } from "../hands/gamepad.js";
 import { DEAD_ZONE } from "../hands/mapping.js";
+import { wordsFor } from "../readings/words.js";
 import { keyboardLegend, padLegend } from "./controls.js";
 import { indicator } from "./indicator.js";
 
@@ -56,6 +57,7 @@ function section(number, title, testid) {
  * @returns {View}
  */
 export function setupView({ socket, input, pads, keyboard, sound }, page) {
+  const words = wordsFor(socket.welcome).setup;
   const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
   /** @type {Chosen} */
   const chosen = {
@@ -263,15 +265,10 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       heard,
       value
         ? "Good. Keep the volume as it is."
-        : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : "You can also go on without sound; then watch for the readings."}`,
+        : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : words.watch}`,
     );
   }
-  hear.body.append(
-    h("p", {}, "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."),
-    h("div", { class: "actions" }, play, yes, no),
-    heard,
-    hearError,
-  );
+  hear.body.append(h("p", {}, words.loud), h("div", { class: "actions" }, play, yes, no), heard, hearError);
 
   if (second) {
     const link = h("input", {
@@ -283,11 +280,7 @@ export function setupView({ socket, input, pads, keyboard, sound }, page) {
       data: { testid: "panel-link" },
     });
     second.body.append(
-      h(
-        "p",
-        {},
-        "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page.",
-      ),
+      h("p", {}, words.second),
       panel_link
         ? h(
             "div",

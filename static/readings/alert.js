@@ -1,18 +1,19 @@
-// A sensor reading to be logged: big, loud, counted down. Used by the panel of the second device, and as the cover
-// over the view of a single screen. Times are trial time, which stands still during a pause.
+// A stimulus of the second task, such as a sensor reading to be logged: big, loud, counted down. Used by the panel of
+// the second device, and as the cover over the view of a single screen. It is answered by typing, or by one of a few
+// choices. Times are trial time, which stands still during a pause.
 
 import { freshId, h, icon, setText } from "../common/dom.js";
 import { Emitter } from "../common/emitter.js";
 import { problemText } from "../common/problem.js";
+import { wordsFor } from "./words.js";
 
-/** @import { Alert, AlertClosed } from "../../tests/javascript/wire.d.ts" */
+/** @import { Alert, AlertChoice, AlertClosed } from "../../tests/javascript/wire.d.ts" */
 /** @import { LabSocket } from "../wire/socket.js" */
 /** @import { Sound } from "./sound.js" */
-/** @typedef {AlertClosed["status"] | null} Ending how the last reading ended; null when the study went on without it */
+/** @typedef {AlertClosed["status"] | null} Ending how the last one ended; null when the study went on without it */
 
 const REDRAW_MS = 100;
-/** @type {Record<AlertClosed["status"], string>} */
-const ENDINGS = { answered: "Saved.", expired: "Time is up for this reading.", trial_ended: "The round has ended." };
+const LONG_TEXT = 7; // characters: more than that is drawn smaller
 
 /**
  * Emits "open", and "released" when there is nothing to do any more.
@@ -32,8 +33,11 @@ export class AlertView extends Emitter {
     this.away = away;
     /** @type {Pick<Alert, "alert" | "answer_within_s"> | null} */
     this.alert = null;
+    /** @type {Pick<AlertChoice, "id" | "key">[]} */
+    this.choices = []; // none: it is typed
     /** @type {"idle" | "open" | "sending" | "waiting"} */
     this.phase = "idle"; // idle → open → sending → waiting → idle
+    this.words = wordsFor(socket.welcome);
     this.paused = false;
     this.concealed = false;
     this.elapsedS = 0;
@@ -43,11 +47,11 @@ export class AlertView extends Emitter {
     this._reported = false;
     const inputId = freshId("reading");
     const errorId = freshId("reading-error");
+    const promptId = freshId("reading-prompt");
     this.reading = h("output", { class: "reading", data: { testid: "alert-reading" } });
     this.input = h("input", {
       id: inputId,
       type: "text",
-      inputmode: "decimal",
       autocomplete: "off",
       autocapitalize: "off",
       spellcheck: "false",
@@ -57,44 +61,39 @@ export class AlertView extends Emitter {
       data: { testid: "alert-input" },
     });
     this.error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true });
-    this.button = h(
-      "button",
-      { type: "submit", class: "primary large", data: { testid: "alert-submit" } },
-      "Log reading",
+    this.button = h("button", { type: "submit", class: "primary large", data: { testid: "alert-submit" } });
+    this.label = h("label", { for: inputId });
+    this.field = h("div", { class: "field" }, this.label, this.input, this.error);
+    this.prompt = h("p", { id: promptId, class: "alert-prompt", data: { testid: "alert-prompt" } });
+    this.buttons = h("div", { class: "alert-choices" });
+    this.chooser = h(
+      "div",
+      { class: "alert-chooser", role: "group", "aria-labelledby": promptId, tabindex: "-1", hidden: true },
+      this.prompt,
+      this.buttons,
     );
+    this.fresh = h("span", {});
     this.clock = h("p", { class: "countdown", data: { testid: "alert-countdown" } });
     this.bar = h("div", { class: "bar-fill" });
     this.rest = h("p", { class: "alert-rest", data: { testid: "alert-rest" } });
     this.result = h("p", { class: "alert-result", role: "status", data: { testid: "alert-result" } });
-    this.form = h(
-      "form",
-      { class: "alert-form", novalidate: true },
-      h(
-        "div",
-        { class: "field" },
-        h("label", { for: inputId }, "Type the reading, then press Enter"),
-        this.input,
-        this.error,
-      ),
-      this.button,
-    );
+    this.form = h("form", { class: "alert-form", novalidate: true }, this.field, this.button, this.chooser);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      this._answer();
+      if (this.choices.length === 0) this._answer(this.input.value.trim());
     });
     this.element = h(
       "section",
       {
         class: "alert",
         role: this.away ? "alertdialog" : "region",
-        "aria-label": "Sensor reading",
         hidden: true,
         data: { testid: "alert" },
       },
       h(
         "div",
         { class: "alert-card" },
-        h("p", { class: "alert-kicker" }, icon("sound"), "New sensor reading"),
+        h("p", { class: "alert-kicker" }, icon("sound"), this.fresh),
         this.reading,
         this.form,
         this.result,
@@ -106,10 +105,11 @@ export class AlertView extends Emitter {
     this._timer = setInterval(() => this._redraw(), REDRAW_MS);
     this._lastMs = performance.now();
     /** @type {(event: KeyboardEvent) => void} */
-    this._typed = (event) => this._refocus(event);
+    this._typed = (event) => this._onKey(event);
     document.addEventListener("keydown", this._typed);
     socket.addEventListener("alert", (event) => this.open(event.detail));
     socket.addEventListener("alert_closed", (event) => this.closed(event.detail));
+    this._name();
   }
 
   /** @returns {boolean} */
@@ -118,7 +118,7 @@ export class AlertView extends Emitter {
   }
 
   /**
-   * A new reading, or the same one again after a reload.
+   * A new one, or the same one again after a reload.
    *
    * @param {Alert} alert
    * @returns {void}
@@ -133,12 +133,63 @@ export class AlertView extends Emitter {
     this.lastStatus = null; // what became of an earlier one says nothing about this one
     this.input.value = "";
     this.error.hidden = true;
+    this._name();
     setText(this.reading, alert.reading);
+    this.reading.classList.toggle("long", alert.reading.length > LONG_TEXT);
+    this._ask(alert);
     setText(this.result, "");
     this._redraw();
     this._reported = false;
     this._show();
     this.emit("open");
+  }
+
+  /** The words of the study's kind of second task; what is typed or chosen is `_ask`. */
+  _name() {
+    const words = wordsFor(this.socket.welcome);
+    this.words = words;
+    this.element.setAttribute("aria-label", words.title);
+    this.input.inputMode = words.keypad;
+    setText(this.fresh, words.fresh);
+    setText(this.button, words.submit);
+    setText(this.label, words.prompt);
+  }
+
+  /**
+   * How it is answered: a field, or a button for each choice.
+   *
+   * @param {Alert} alert
+   */
+  _ask({ prompt = null, choices = [] }) {
+    const typed = choices.length === 0;
+    this.choices = choices;
+    this.field.hidden = this.button.hidden = !typed;
+    this.chooser.hidden = typed;
+    this.form.classList.toggle("choosing", !typed);
+    (typed ? this.field : this.chooser).append(this.error);
+    if (prompt) setText(typed ? this.label : this.prompt, prompt);
+    else setText(this.prompt, this.words.title);
+    this.buttons.replaceChildren(
+      ...choices.map(({ id, label, key }) =>
+        h(
+          "button",
+          {
+            type: "button",
+            class: "secondary large",
+            "aria-keyshortcuts": key,
+            on: { click: () => this._answer(id) },
+            data: { testid: `alert-choice-${id}` },
+          },
+          h("kbd", { "aria-hidden": "true" }, key.toUpperCase()),
+          label,
+        ),
+      ),
+    );
+  }
+
+  /** Neither a field to type in nor a button: Enter and the space bar, held to drive, must not choose. */
+  _focus() {
+    (this.choices.length === 0 ? this.input : this.chooser).focus();
   }
 
   /**
@@ -157,7 +208,7 @@ export class AlertView extends Emitter {
   _show() {
     this.element.hidden = this.phase === "idle" || this.concealed;
     if (this.element.hidden || this.phase !== "open" || !this.alert) return;
-    this.input.focus();
+    this._focus();
     if (!this._reported) this._report(this.alert.alert);
     this._reported = true;
   }
@@ -175,12 +226,13 @@ export class AlertView extends Emitter {
     this.phase = "waiting";
     this.releaseS = this.away ? release_in_s : 0;
     this.lastStatus = status;
-    setText(this.result, ENDINGS[status]);
+    const endings = { answered: "Saved.", expired: this.words.late, trial_ended: "The round has ended." };
+    setText(this.result, endings[status]);
     this._redraw();
   }
 
   /**
-   * After a reload: the reading is dealt with, but the controls are not back yet.
+   * After a reload: it is dealt with, but the controls are not back yet.
    *
    * @param {number} alert
    * @param {number} releaseS
@@ -191,8 +243,9 @@ export class AlertView extends Emitter {
     this.phase = "waiting";
     this.releaseS = releaseS;
     this._reported = true;
+    this._name();
     setText(this.reading, "");
-    setText(this.result, "This reading is logged.");
+    setText(this.result, this.words.handled);
     this._redraw();
     this._show();
     this.emit("open");
@@ -241,13 +294,13 @@ export class AlertView extends Emitter {
     if (await heard) this.socket.submit("alert_heard", { alert }).catch(() => {});
   }
 
-  async _answer() {
+  /** @param {string} value what was typed, or the id of the choice */
+  async _answer(value) {
     if (this.phase !== "open" || !this.alert) return;
     const { alert } = this.alert;
-    const value = this.input.value.trim();
     if (value === "") {
       this.error.hidden = false;
-      setText(this.error, "Type the number shown above first.");
+      setText(this.error, this.words.missing);
       this.input.focus();
       return;
     }
@@ -266,7 +319,7 @@ export class AlertView extends Emitter {
       setText(this.result, "");
       this.error.hidden = false;
       setText(this.error, `Not saved: ${problemText(error)}`);
-      this.input.focus();
+      this._focus();
     }
   }
 
@@ -291,7 +344,7 @@ export class AlertView extends Emitter {
 
   _restText() {
     if (this.phase === "waiting") return `The controls come back in ${Math.max(1, Math.ceil(this.releaseS))} s.`;
-    return "Take your hands off the robot's controls. They come back after you have logged the reading.";
+    return this.words.handsOff;
   }
 
   _release() {
@@ -302,11 +355,11 @@ export class AlertView extends Emitter {
   }
 
   /**
-   * A digit typed anywhere goes into the field, so that the mouse is never needed.
+   * The mouse is never needed: a key chooses, or what is typed anywhere goes into the field.
    *
    * @param {KeyboardEvent} event
    */
-  _refocus(event) {
+  _onKey(event) {
     if (
       this.phase !== "open" ||
       this.concealed ||
@@ -317,6 +370,23 @@ export class AlertView extends Emitter {
     )
       return;
     if (event.key.length !== 1 || event.key === " " || document.querySelector("dialog[open]")) return;
-    this.input.focus();
+    if (this.choices.length === 0) {
+      this.input.focus();
+      return;
+    }
+    if (event.repeat) return; // held since before it appeared
+    const chosen = this.choices.find(({ key }) => isKey(event, key));
+    if (chosen) this._answer(chosen.id);
   }
+}
+
+/**
+ * Whether this character was typed. A digit counts wherever the keyboard has it, with or without Shift.
+ *
+ * @param {KeyboardEvent} event
+ * @param {string} key
+ * @returns {boolean}
+ */
+function isKey(event, key) {
+  return event.key.toLowerCase() === key.toLowerCase() || event.code === `Digit${key}`;
 }

@@ -6,7 +6,7 @@ of the original 5 (SUS) or 21 (TLX), as in the paper (IV-C.2).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 POINTS = 7
@@ -124,3 +124,11 @@ TLX_RAW = Instrument(
 
 INSTRUMENTS: dict[str, Instrument] = {item.id: item for item in (SUS_MODIFIED, TLX_RAW)}
 """The questionnaires that are built in; a study file may bring its own (`study.definition.questionnaires`)."""
+
+
+def built_in(name: str, distractor: str) -> Instrument:
+    """The questionnaire of that name as a study with this kind of distractor asks it: only the readings are logged."""
+    instrument = INSTRUMENTS[name]
+    if distractor == "readings":
+        return instrument
+    return replace(instrument, intro=instrument.intro.replace("logging the readings", "the other task"))

@@ -88,13 +88,10 @@ def _distractor_problems(distractor: object) -> Iterator[Problem]:
         return
     chosen = {**DistractorSettings().model_dump(), **distractor}
     every, within, away = chosen["every_s"], chosen["answer_within_s"], chosen["away_min_s"]
-    digits, decimals = chosen["digits"], chosen["decimals"]
     if _both_numbers(within, every) and within > every:
         yield Problem(("distractor", "answer_within_s"), f"must be at most every_s, which is {every}")
     if _both_numbers(away, within) and away > within:
         yield Problem(("distractor", "away_min_s"), f"must be at most answer_within_s, which is {within}")
-    if _both_numbers(decimals, digits) and decimals >= digits:
-        yield Problem(("distractor", "decimals"), f"must be below digits, which is {digits}")
 
 
 _LINKS = ("completion_link", "screened_out_link", "full_link")

@@ -9,7 +9,14 @@ from typing import Any
 
 from study.definition.field_types import Part
 from study.definition.part_fields import field_names, parameter_problems
-from study.definition.sections import MODEL_FIELDS, ArbiterSettings, CodeText, Condition, InferenceSettings
+from study.definition.sections import (
+    MODEL_FIELDS,
+    ArbiterSettings,
+    CodeText,
+    Condition,
+    DistractorSettings,
+    InferenceSettings,
+)
 from study.definition.toml_reader import FieldPath, Problem, choices_sentence, model_problems
 from study.definition.toml_writer import long_text, toml
 from study.parts.code import Code, is_file, sha256_of
@@ -98,9 +105,12 @@ def part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
         inference = condition.get("inference")
         if isinstance(inference, Mapping):
             yield from _inference_problems(inference, (*place, "inference"), shelf, codes)
-    inference = data.get("inference")
+    inference, distractor = data.get("inference"), data.get("distractor")
     if isinstance(inference, Mapping):
         yield from _inference_problems(inference, ("inference",), shelf, codes)
+    if isinstance(distractor, Mapping):
+        name = distractor.get("kind", DistractorSettings().kind)
+        yield from _taken("distractor", name, distractor, ("distractor",), "kind", shelf, codes, {})
 
 
 def _inference_problems(
@@ -132,15 +142,20 @@ def _taken(
     if not shelf.may_run(code):
         return
     try:
-        parameters = shelf.load(kind, name, code).Parameters
-        usual = {name: value for name, value in shared.items() if name in field_names(parameters)}
-        found = parameter_problems(parameters, {**usual, **table}, _BASES[kind])
+        part = shelf.load(kind, name, code)
+        usual = {field: value for field, value in shared.items() if field in field_names(part.Parameters)}
+        whole = {**usual, **table}
+        found = parameter_problems(part.Parameters, whole, _BASES[kind])
+        tried = shelf.trials.get(kind) if not found else None
+        broken = tried(part, whole) if tried is not None else None
     except PartError as error:
         yield Problem((*place, key), str(error))
         return
     except StudyError as error:
         yield Problem((*place, key), f"its parameters cannot be used: {error}")
         return
+    if broken is not None:
+        yield Problem((*place, key), broken)
     for problem in found:
         if not (problem.path and problem.path[0] in _BASES[kind].model_fields):  # told with the file's own fields
             yield Problem((*place, *problem.path), problem.sentence)
@@ -154,7 +169,15 @@ class _InferenceFields(InferenceSettings):
     model_config = Part.model_config
 
 
-_BASES: Mapping[str, type[Part]] = {"arbiter": _ConditionFields, "inference": _InferenceFields}
+class _DistractorFields(DistractorSettings):
+    model_config = Part.model_config
+
+
+_BASES: Mapping[str, type[Part]] = {
+    "arbiter": _ConditionFields,
+    "inference": _InferenceFields,
+    "distractor": _DistractorFields,
+}
 
 
 def parameters_of(condition: Condition, settings: ArbiterSettings, parameters: type) -> dict[str, Any]:

@@ -50,13 +50,17 @@ class WrongParameter(ValueError):
         self.sentence = sentence
 
 
-@lru_cache(maxsize=256)
 def model_of(parameters: type, base: type[Part] = Part) -> type[pydantic.BaseModel]:
     """The model of a table with these parameters, beside the fields of `base` when the table has others too.
 
     Numbers are strict: true and false are none, nor are texts, NaN and infinity; a whole number is a number. Raises
     `StudyError` when the class is no frozen dataclass, a field has a type no study file can hold, or a name is taken.
     """
+    return _model_of(parameters, base)
+
+
+@lru_cache(maxsize=256)
+def _model_of(parameters: Any, base: Any) -> type[pydantic.BaseModel]:
     name = f"{parameters.__module__}.{parameters.__qualname__}" if isinstance(parameters, type) else repr(parameters)
     settings = getattr(parameters, "__dataclass_params__", None)
     if not isinstance(parameters, type) or settings is None or not settings.frozen:
@@ -80,30 +84,30 @@ def model_of(parameters: type, base: type[Part] = Part) -> type[pydantic.BaseMod
 def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Part] = Part) -> tuple[Problem, ...]:
     """Everything that is wrong with a table of these parameters; empty when `made` takes it. Raises as `model_of`."""
     found = model_problems(model_of(parameters, base), data)
-    if found:
-        return found
+    if any(problem.path[0] not in base.model_fields for problem in found):
+        return found  # what its fields have to do with one another can only be said of right ones
     try:
-        made(parameters, data, base)
+        made(parameters, data)
     except WrongParameter as wrong:
-        return (Problem((wrong.field,), wrong.sentence),)
-    except (TypeError, ValueError) as error:  # "alpha is 3.0; it must be 0": the field comes first, if it is about one
+        return (*found, Problem((wrong.field,), wrong.sentence))
+    except Exception as error:  # somebody else's code may raise whatever it likes
+        # "alpha is 3.0; it must be 0": the field comes first, if it is about one
         field, _, rest = str(error).partition(" is ")
         about = field in {item.name for item in dataclasses.fields(parameters)}
-        return (Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), str(error)),)
-    return ()
+        return (*found, Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), str(error)))
+    return found
 
 
-def made(parameters: type[Parameters], data: Mapping[str, Any], base: type[Part] = Part) -> Parameters:
-    """The parameters of a table that `parameter_problems` found nothing wrong with."""
-    model: type[pydantic.BaseModel] = model_of(parameters, base)  # type: ignore[arg-type]
-    checked = model.model_validate(data)
+def made(parameters: type[Parameters], data: Mapping[str, Any]) -> Parameters:
+    """The parameters in a table that `parameter_problems` found nothing wrong with; what else is in it is left out."""
     own = [field.name for field in dataclasses.fields(parameters) if field.init]  # type: ignore[arg-type]
+    checked = model_of(parameters).model_validate({name: data[name] for name in own if name in data})
     return parameters(**{name: getattr(checked, name) for name in own})
 
 
-def field_names(parameters: type) -> frozenset[str]:
-    """What these parameters are called in a study file. Raises as `model_of`."""
-    return frozenset(model_of(parameters).model_fields)
+def field_names(parameters: type) -> tuple[str, ...]:
+    """What these parameters are called in a study file, in the order of the class. Raises as `model_of`."""
+    return tuple(model_of(parameters).model_fields)
 
 
 def _default(field: dataclasses.Field[Any]) -> Any:

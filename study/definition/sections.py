@@ -170,22 +170,29 @@ class RobotSettings(Part):
 
 
 class DistractorSettings(Part):
-    """The second task: readings to be logged (paper IV-B). Times are trial time, which stops during a pause."""
+    """The second task (paper IV-B): sensor readings, or another kind. The kind's own fields stand in the same table.
+    Times are trial time, which stops during a pause."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
 
     enabled: Flag = True
-    """Whether there are readings at all."""
+    """Whether there is a second task at all."""
+    kind: PartName = "readings"
+    """Which one: a kind that ships, one of an installed package, or `file.py:Class` beside the study file."""
     first_s: float = number(default=10.0, ge=0.0, le=3600.0)
+    """When the first reading, or other stimulus, appears."""
     every_s: float = number(default=20.0, gt=0.0, le=3600.0)
-    """From one reading to the next."""
+    """From one to the next."""
     answer_within_s: float = number(default=20.0, gt=0.0, le=3600.0)
-    """How long a reading can be answered."""
+    """How long one can be answered."""
     placement: Literal["second_device", "same_page_away"] = "same_page_away"
     away_min_s: float = number(default=5.0, ge=0.0, le=3600.0)
-    """`same_page_away` only: the shortest time the pad stays ignored after a reading appeared."""
-    digits: int = number(default=4, ge=1, le=9)
-    """How many digits a reading has."""
-    decimals: int = number(default=1, ge=0, le=4)
-    """How many of the digits stand after the point."""
+    """`same_page_away` only: the shortest time the pad stays ignored after one appeared."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the kind takes, as the file says it."""
+        return dict(self.model_extra or {})
 
 
 class CodeFile(Part):
@@ -240,7 +247,7 @@ class QualityRules(Part):
     max_pad_losses: int = number(default=1, ge=0, le=1_000_000)
     """How often the gamepad may be lost."""
     max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)
-    """How many readings may expire."""
+    """How many readings, or other stimuli of the second task, may expire."""
     exclude_suspect: Flag = False
     """Whether the analysis leaves suspect trials out; an experimenter's verdict overrides the automatic one."""
 

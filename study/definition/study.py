@@ -4,7 +4,7 @@
 counterbalance the conditions, `plan_session` draws everything random about one participant from one seed.
 
 Each random choice has its own stream, named by trial and purpose (`numpy.random.SeedSequence` with a spawn key):
-drawing more readings, or one object more, shifts nothing else.
+drawing more stimuli, or one object more, shifts nothing else.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
+from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, built_in
 from study.definition.checks import cross_problems
 from study.definition.field_types import Flag, Identifier, Part, Text, number
 from study.definition.layouts import (
@@ -70,14 +70,14 @@ __all__ = [
     "orders",
     "parse_study",
     "plan_session",
-    "reading",
+    "stimulus_rng",
 ]
 
 DEFAULT_STUDY = Path(__file__).with_name("default.toml")
 MOST_PERMUTED = 5
 """Up to so many conditions are run in every order there is (120); nobody would ever fill the 720 of six."""
 
-_PLACEMENT, _OBJECTS, _BINS, _READINGS = range(4)
+_PLACEMENT, _OBJECTS, _BINS, _STIMULI = range(4)
 """Purposes of the random streams of a trial. Appending is safe, reordering changes every plan."""
 
 
@@ -142,7 +142,7 @@ class Study(Part):
     def instruments(self) -> tuple[Instrument, ...]:
         """The questionnaires after every trial, in the order asked."""
         own = {form.id: form.instrument for form in self.questionnaires}
-        return tuple(own.get(name) or INSTRUMENTS[name] for name in self.surveys)
+        return tuple(own.get(name) or built_in(name, self.distractor.kind) for name in self.surveys)
 
     @property
     def own_layout(self) -> LayoutSection | None:
@@ -334,9 +334,7 @@ class TrialPlan:
     """Object id at each place of the layout, in the order of the places."""
     pickups: tuple[Pickup, ...]
     seed: int
-    """The participant's seed; `reading` draws from it."""
-    digits: int
-    decimals: int
+    """The participant's seed; `stimulus_rng` draws from it."""
 
 
 @dataclass(frozen=True)
@@ -380,7 +378,7 @@ def next_order(study: Study, taken: Mapping[tuple[str, ...], int]) -> tuple[str,
 
 
 def plan_session(study: Study, order: tuple[str, ...], seed: int) -> SessionPlan:
-    """Draw one participant's placements, objects, bins and readings. Same arguments, same plan, on every machine.
+    """Draw one participant's placements, objects and bins. Same arguments, same plan, on every machine.
 
     Raises `StudyError` when `order` is not one of the study's or the seed is negative.
     """
@@ -400,21 +398,16 @@ def plan_session(study: Study, order: tuple[str, ...], seed: int) -> SessionPlan
                 placement=tuple(study.objects[i] for i in placement),
                 pickups=tuple(Pickup(study.objects[i], study.bins[j]) for i, j in zip(chosen, bins, strict=True)),
                 seed=seed,
-                digits=study.distractor.digits,
-                decimals=study.distractor.decimals,
             )
         )
     return SessionPlan(seed=seed, order=order, trials=tuple(trials))
 
 
-def reading(plan: TrialPlan, alert: int) -> str:
-    """The reading of alert `alert` (from 1), such as `482.1`: as many digits as asked, the first of them not 0."""
-    if alert < 1:
-        raise StudyError(f"alert {alert} must be at least 1")
-    draw = _stream(plan.seed, plan.trial, _READINGS, alert)
-    number = str(draw.integers(10 ** (plan.digits - 1), 10**plan.digits))
-    point = plan.digits - plan.decimals
-    return f"{number[:point]}.{number[point:]}" if plan.decimals else number
+def stimulus_rng(seed: int, trial: int, number: int) -> np.random.Generator:
+    """The random stream of one stimulus of the distractor; trial and number are from 1."""
+    if number < 1:
+        raise StudyError(f"stimulus {number} must be at least 1")
+    return _stream(seed, trial, _STIMULI, number)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

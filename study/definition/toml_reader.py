@@ -261,7 +261,10 @@ def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: 
         side = "at least" if kind == "too_short" else "at most"
         return Problem(path, f"has {context['actual_length']} entries, must have {side} {limit}")
     if kind == "string_too_short":
-        return Problem(path, "must not be empty")
+        least = context["min_length"]
+        return Problem(path, "must not be empty" if least == 1 else f"must have at least {least} characters")
+    if kind == "string_too_long":
+        return Problem(path, f"must have at most {context['max_length']} characters")
     if kind == "string_pattern_mismatch":
         if ":" in context["pattern"].replace("?:", ""):
             return Problem(path, "must be a name, or file.py:Class for one in a file beside this one")

@@ -67,15 +67,16 @@ def measure(
     )
 
 
-def broken_rules(rules: QualityRules, measured: Measured) -> tuple[str, ...]:
-    """One sentence for each rule the trial broke; none = the verdict is good."""
+def broken_rules(rules: QualityRules, measured: Measured, stimuli: str = "readings") -> tuple[str, ...]:
+    """One sentence for each rule the trial broke; none = the verdict is good. `stimuli` is what the study's second task
+    calls its own."""
     checks = (
         ("round trip (95th percentile)", measured.round_trip_ms, rules.max_round_trip_ms, "ms"),
         ("page hidden", measured.hidden_s, rules.max_hidden_s, "s"),
         ("late ticks", measured.missed_ticks, rules.max_missed_ticks, ""),
         ("focus lost", measured.focus_losses, rules.max_focus_losses, "times"),
         ("gamepad lost", measured.pad_losses, rules.max_pad_losses, "times"),
-        ("readings unanswered", measured.unanswered_alerts, rules.max_unanswered_alerts, ""),
+        (f"{stimuli} unanswered", measured.unanswered_alerts, rules.max_unanswered_alerts, ""),
     )
     return tuple(
         f"{what}: {value:g} {unit}, at most {most:g} allowed".replace(" ,", ",")
@@ -89,7 +90,13 @@ def verdict(broken: tuple[str, ...]) -> Verdict:
     return "suspect" if broken else "good"
 
 
-def judged(row: TrialRow, events: Iterable[EventRow], unanswered_alerts: int, rules: QualityRules) -> TrialRow:
+def judged(
+    row: TrialRow,
+    events: Iterable[EventRow],
+    unanswered_alerts: int,
+    rules: QualityRules,
+    stimuli: str = "readings",
+) -> TrialRow:
     """The row of a trial that has ended, with its verdict; one that never began is returned as it is."""
     if row.started_utc is None or row.finished_utc is None:
         return row
@@ -100,7 +107,7 @@ def judged(row: TrialRow, events: Iterable[EventRow], unanswered_alerts: int, ru
         missed_ticks=row.overruns,
         unanswered_alerts=unanswered_alerts,
     )
-    broken = broken_rules(rules, measured)
+    broken = broken_rules(rules, measured, stimuli)
     return replace(
         row,
         quality=verdict(broken),

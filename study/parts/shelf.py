@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,15 @@ class Named:
 
 @dataclass(frozen=True)
 class Shelf:
-    """The registries by kind. `trust`: whether code from files beside a study file may run."""
+    """The registries by kind.
+
+    `trust`: whether code from files beside a study file may run. `trials` tell, by kind, what is wrong with a class
+    that is to be made with what a table says, in one line.
+    """
 
     registries: Mapping[str, Registry]
     trust: bool = False
+    trials: Mapping[str, Callable[[Any, Mapping[str, Any]], str | None]] = field(default_factory=dict)
 
     def code_of(self, kind: str, name: str, folder: Path) -> Code | None:
         """The source of a part that a study file in this folder names; None for one that ships, or that is unknown.

@@ -9,7 +9,7 @@ import pytest
 from tests.browser.test_live_page import WITHIN_MS, driving
 from tests.support.accessibility import findings
 from tests.support.fake_lab import FakeLab
-from tests.support.fake_pages import CONTENT, alert, tick
+from tests.support.fake_pages import CONTENT, alert, letter, tick
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import invite
 
@@ -50,6 +50,10 @@ def test_the_participants_page_in_every_state(page: Page) -> None:
         lab.send(alert(1))
         page.get_by_test_id("alert").wait_for()
         found += findings(page, "reading")
+        lab.send({"type": "alert_closed", "alert": 1, "status": "answered", "release_in_s": 0.0})
+        lab.send(letter(2))
+        page.get_by_test_id("alert-choice-same").wait_for()
+        found += findings(page, "choices")
         lab.accepts = False
         lab.drop()
         page.locator("[data-testid=state-sign][data-state=lost]").wait_for()
@@ -67,6 +71,9 @@ def test_the_second_device(page: Page) -> None:
         lab.send(alert(1), "panel")
         page.get_by_test_id("alert-reading").wait_for()
         found += findings(page, "panel reading")
+        lab.send(letter(2), "panel")
+        page.get_by_test_id("alert-choice-same").wait_for()
+        found += findings(page, "panel choices")
     assert not found, "\n".join(found)
 
 

@@ -28,6 +28,10 @@ class Parameters:
     limit: float | None = None
 
     def __post_init__(self) -> None:
+        if self.word == "stop":
+            raise ValueError("word is 'stop'; it must be another one")
+        if self.word == "end":
+            raise RuntimeError("cannot go on")
         if self.count > 4 and self.mode == "slow":
             raise WrongParameter("count", f"must be at most 4 with mode {self.mode!r}")
 
@@ -80,12 +84,15 @@ def test_what_is_missing_and_what_clashes_is_said_at_its_field() -> None:
     assert sentences({}) == {"weight": "missing; must be a number at least 0.0 and at most 2.0"}
     assert sentences({"weight": 1.0, "count": 5}) == {"count": "must be at most 4 with mode 'slow'"}
     assert sentences({"weight": 1.0, "count": 5, "mode": "fast"}) == {}
+    assert sentences({"weight": 1.0, "word": "stop"}) == {"word": "must be another one"}
+    assert sentences({"weight": 1.0, "word": "end"}) == {"": "cannot go on"}
 
 
 def test_the_table_may_have_fields_of_its_own_beside_them() -> None:
     assert sentences({"kind": "b", "weight": 1.0}, Common) == {}
     assert sentences({"kind": "b", "wieght": 1.0}, Common)["wieght"].startswith("unknown field; did you mean 'weight'?")
-    assert made(Parameters, {"kind": "b", "weight": 1.0}, Common) == Parameters(1.0)
+    assert list(sentences({"kind": 5, "weight": 1.0, "count": 5}, Common)) == ["kind", "count"]
+    assert made(Parameters, {"kind": "b", "weight": 1.0}) == Parameters(1.0)
 
 
 def test_a_model_is_made_once_and_changes_no_more() -> None:

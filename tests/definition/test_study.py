@@ -12,19 +12,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.trial.parts import shelf
+from app.trial.parts import make_distractor, shelf
 from study.definition.named_parts import parameters_of
 from study.definition.part_fields import made
 from study.definition.study import (
     DEFAULT_STUDY,
     Study,
     StudyFileError,
+    TrialPlan,
     load_study,
     next_order,
     orders,
     parse_study,
     plan_session,
-    reading,
 )
 from study.records import StudyError
 from tests.support.study_samples import BINS, OBJECTS, shipped_study
@@ -34,6 +34,10 @@ SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
 def parse(text: str) -> Study:
     return parse_study(text, name="mine.toml", shelf=shelf())
+
+
+def reading(study: Study, trial: TrialPlan, number: int) -> str:
+    return make_distractor(study.distractor).stimulus(trial.seed, trial.trial, number).text
 
 
 def problems(text: str) -> tuple[str, ...]:
@@ -74,12 +78,15 @@ def test_the_shipped_study_fits_the_simulated_world() -> None:
 
 
 def said_in_full(study: Study) -> dict[str, object]:
-    """The study's settings with what its arbiters take, defaults included."""
+    """The study's settings with what its arbiters and its distractor take, defaults included."""
     taken = {}
     for condition in study.conditions:
         kind = shelf().load("arbiter", condition.arbiter, None).Parameters
         taken[condition.id] = condition.arbiter, made(kind, parameters_of(condition, study.arbiter, kind))
-    return {**study.model_dump(exclude={"conditions"}), "conditions": taken}
+    distractor = made(shelf().load("distractor", study.distractor.kind, None).Parameters, study.distractor.parameters)
+    common = {name: getattr(study.distractor, name) for name in type(study.distractor).model_fields}
+    plain = study.model_dump(exclude={"conditions", "distractor"})
+    return {**plain, "conditions": taken, "distractor": (common, distractor)}
 
 
 SETTINGS = [line for line in SOURCE.splitlines() if re.match(r"[a-z_]+ = [^\[{]|surveys = ", line)]
@@ -303,7 +310,7 @@ def test_a_plan_stays_what_it_was() -> None:
     trial = plan_session(study, orders(study)[0], 7).trials[0]
     assert trial.placement == PLACEMENT_OF_SEED_7
     assert [(pickup.object, pickup.bin) for pickup in trial.pickups] == PICKUPS_OF_SEED_7
-    assert [reading(trial, k) for k in (1, 2, 3)] == ["629.1", "298.3", "184.3"]
+    assert [reading(study, trial, k) for k in (1, 2, 3)] == ["629.1", "298.3", "184.3"]
 
 
 PLACEMENT_OF_SEED_7 = ("paper_towels", "bleach_bottle", "sponge_pack", "absorbent_can", "wipes_tub", "spray_bottle")
@@ -323,7 +330,7 @@ def test_objects_bins_and_slots_are_all_used(study: Study) -> None:
 def test_readings_have_the_digits_asked_for(digits: int, decimals: int, length: int) -> None:
     study = parse(changed("digits = 4\ndecimals = 1", f"digits = {digits}\ndecimals = {decimals}"))
     trial = plan_session(study, orders(study)[0], 3).trials[1]
-    readings = [reading(trial, k) for k in range(1, 30)]
+    readings = [reading(study, trial, k) for k in range(1, 30)]
     assert {len(text) for text in readings} == {length}
     assert all(text[0] != "0" and float(text) > 0 for text in readings)
     assert len(set(readings)) > 5
@@ -337,7 +344,7 @@ def test_what_cannot_be_planned_says_so(study: Study) -> None:
     plan = plan_session(study, orders(study)[0], 1)
     with pytest.raises(StudyError, match="trials are 1 to 3"):
         plan.trial(4)
-    with pytest.raises(StudyError, match="alert 0"):
-        reading(plan.trial(1), 0)
+    with pytest.raises(StudyError, match="stimulus 0 must be at least 1"):
+        reading(study, plan.trial(1), 0)
     with pytest.raises(StudyError, match="it has"):
         study.condition("autonomy")

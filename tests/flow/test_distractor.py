@@ -7,18 +7,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from study.definition.sections import DistractorSettings
-from study.flow.distractor import DistractorState, from_rows
+from study.flow.distractors.interface import Stimulus
+from study.flow.distractors.readings import ReadingParameters, Readings
+from study.flow.distractors.state import DistractorState, from_rows
 from study.records import StudyError
 
 UTC = "2026-01-01T00:00:00+00:00"
 
 
-def reading(alert: int) -> str:
-    return f"{100 + alert}.5"
+def reading(alert: int) -> Stimulus:
+    return Stimulus(f"{100 + alert}.5")
 
 
 def start(**changes: object) -> DistractorState:
-    return DistractorState(DistractorSettings.model_validate(changes))
+    return DistractorState(Readings(ReadingParameters(), DistractorSettings.model_validate(changes)))
 
 
 def at(state: DistractorState, trial_s: float) -> DistractorState:
@@ -36,7 +38,7 @@ def test_readings_come_at_ten_seconds_and_every_twenty() -> None:
     state, raised = start(), []
     for tick in range(200):
         state, changed = state.advance(tick * 0.5, reading)
-        raised += [(tick * 0.5, alert.alert, alert.reading) for alert in changed if alert.status == "open"]
+        raised += [(tick * 0.5, alert.alert, alert.stimulus.text) for alert in changed if alert.status == "open"]
     assert raised == [(10, 1, "101.5"), (30, 2, "102.5"), (50, 3, "103.5"), (70, 4, "104.5"), (90, 5, "105.5")]
 
 
@@ -132,9 +134,9 @@ def test_the_state_comes_back_from_its_rows() -> None:
     state, _ = at(start(), 35.0).shown(2, UTC).answer(2, "7", 35.0, UTC)
     state = at(state, 52.0)
     rows = [state.row(alert, "P001", "balanced", 1) for alert in state.alerts]
-    assert from_rows(state.settings, reversed(rows)) == state
+    assert from_rows(state.distractor, 7, reversed(rows)) == state
     with pytest.raises(StudyError, match="found 3, expected 2"):
-        from_rows(state.settings, [rows[0], rows[2]])
+        from_rows(state.distractor, 7, [rows[0], rows[2]])
 
 
 @settings(deadline=None)

@@ -92,7 +92,10 @@ export interface Ack {
   id: string;
 }
 
-/** A sensor reading to be logged. `elapsed_s` is trial time since it was raised (after a reload it is not 0). */
+/**
+ * A stimulus of the second task, such as a sensor reading to be logged. `elapsed_s` is trial time since it was
+ * raised (after a reload it is not 0).
+ */
 export interface Alert {
   type: "alert";
   alert: number;
@@ -100,6 +103,16 @@ export interface Alert {
   elapsed_s: number;
   answer_within_s: number;
   away_min_s: number;
+  prompt: string | null;
+  choices: Array<AlertChoice>;
+  right_answer: string | null;
+}
+
+/** One answer to choose. */
+export interface AlertChoice {
+  id: string;
+  label: string;
+  key: string;
 }
 
 /** The alert is over. `release_in_s` is how long the panel still covers the view (same_page_away). */
@@ -159,6 +172,12 @@ export interface Status {
   reason: string | null;
 }
 
+/** What the pages call a stimulus of the second task, such as `letter` and `letters`. */
+export interface StimulusWords {
+  one: string;
+  many: string;
+}
+
 /** Another tab took this session over; this socket is about to close. */
 export interface Superseded {
   type: "superseded";
@@ -194,6 +213,7 @@ export interface Welcome {
   show_assistance: boolean;
   last_seq: number;
   demo: boolean;
+  stimuli: StimulusWords | null;
 }
 
 /** What the scene shows, in numbers: positions in the world frame in metres. Sent before each `tick` on request. */

@@ -20,7 +20,7 @@ from sim.interface import TICK_S
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.flow.answers import validate_surveys
-from study.flow.distractor import from_rows
+from study.flow.distractors.state import from_rows
 from study.records import TABLES, TickRow
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
@@ -112,7 +112,7 @@ def test_readings_come_on_time_and_most_are_answered_right() -> None:
     settings = setup().study.distractor
     for trial in record["trials"]:
         rows = [row for row in record["alerts"] if row.trial == trial.trial]
-        state = from_rows(settings, rows)
+        state = from_rows(setup().distractor, case().seed, rows)
         assert [row.due_trial_s for row in rows] == [state.due_s(row.alert) for row in rows]
         assert len(rows) == 1 + int((trial.ticks * TICK_S - settings.first_s) // settings.every_s)
         assert rows[-1].status in ("answered", "trial_ended", "expired")

@@ -43,7 +43,14 @@ SCENE = """<!doctype html><body style="margin:0;background:#3c444e"><canvas></ca
 class FakeLab:
     """One session, one server on a loopback port of its own."""
 
-    def __init__(self, *, placement: str = "same_page_away", pace: str = "real_time", state: str = "consent") -> None:
+    def __init__(
+        self,
+        *,
+        placement: str = "same_page_away",
+        pace: str = "real_time",
+        state: str = "consent",
+        stimuli: Message | None = None,
+    ) -> None:
         self.welcome: Message = {
             "type": "welcome",
             "protocol": 1,
@@ -57,6 +64,7 @@ class FakeLab:
             "show_assistance": False,
             "last_seq": 0,
             "demo": True,
+            "stimuli": stimuli,
         }
         self.state = state
         self.trial = 1

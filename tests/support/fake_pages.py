@@ -85,6 +85,13 @@ def alert(number: int = 1, reading: str = "582.4", elapsed_s: float = 0.0) -> Me
     }
 
 
+def letter(number: int = 1, text: str = "K", elapsed_s: float = 0.0) -> Message:
+    """A letter of N-back, as `study.flow.distractors.nback` asks about it."""
+    choices = [{"id": "same", "label": "Same", "key": "1"}, {"id": "different", "label": "Different", "key": "2"}]
+    prompt = "Is this letter the same as the one 2 before?"
+    return {**alert(number, text, elapsed_s), "prompt": prompt, "choices": choices}
+
+
 def _driving(kind: str, thing: str, tasks: int, running: bool) -> Message:
     return {
         "scene": "/s/test/scene/",

@@ -1,10 +1,11 @@
-"""The second task: sensor readings that call the hands away from the robot (paper IV-B).
+"""The second task of a trial as it goes: stimuli that call the hands away from the robot (paper IV-B).
 
-Everything is a function of trial time, which stands still during a pause. Reading k (from 1) is due at
-`first_s + (k - 1) * every_s` and stays open until it is answered, `answer_within_s` have passed, the next one is due,
-or the trial ends. Wall-clock times are only carried along, as text.
+Everything is a function of trial time, which stands still during a pause. An alert is one stimulus and what became of
+it. It is raised when its distractor says so, `first_s + (k - 1) * every_s` for number k if it has no schedule of its
+own, and stays open until it is answered, its time is up, the next one is due, or the trial ends. Wall-clock times are
+only carried along, as text.
 
-On one screen (`same_page_away`) the pad is ignored from the moment a reading appears until it is closed and at least
+On one screen (`same_page_away`) the pad is ignored from the moment an alert appears until it is closed and at least
 `away_min_s` have passed: that stands for putting the controller down and walking to the laptop.
 """
 
@@ -14,25 +15,25 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 from study.definition.sections import DistractorSettings
+from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS, Distractor, Stimulus
 from study.records import AlertRow, StudyError
 
 AlertStatus = Literal["open", "answered", "expired", "trial_ended"]
-AnswerResult = Literal["accepted", "late", "duplicate", "unknown", "empty"]
+AnswerResult = Literal["accepted", "late", "duplicate", "unknown", "empty", "no_choice"]
 """`late`: the alert was closed without an answer. `duplicate`: it had one already, and that one stays.
-`unknown`: no such alert was raised. `empty`: nothing was typed. Only `accepted` changes anything."""
-
-MAX_ANSWER_CHARACTERS = 40
+`unknown`: no such alert was raised. `empty`: nothing was typed. `no_choice`: there are choices, and it is none of
+them. Only `accepted` changes anything."""
 
 
 @dataclass(frozen=True)
 class AlertState:
-    """One reading, raised at `due_trial_s`. Times are as in `records.AlertRow`."""
+    """One stimulus, raised at `due_trial_s`. Times are as in `records.AlertRow`."""
 
     alert: int
-    reading: str
+    stimulus: Stimulus
     due_trial_s: float
     status: AlertStatus = "open"
     shown_utc: str | None = None
@@ -40,28 +41,36 @@ class AlertState:
     answered_utc: str | None = None
     answered_trial_s: float | None = None
     answer: str | None = None
-
-    @property
-    def correct(self) -> bool | None:
-        """Whether the typed value equals the reading; None without an answer."""
-        return None if self.answer is None else _plain(self.answer) == _plain(self.reading)
+    correct: bool | None = None
+    """Whether the answer counts as right; None without one."""
 
 
 @dataclass(frozen=True)
 class DistractorState:
-    """The readings of one trial so far. `DistractorState(settings)` is the state before the first tick."""
+    """The alerts of one trial so far. `DistractorState(distractor)` is the state before the first tick."""
 
-    settings: DistractorSettings
+    distractor: Distractor[Any]
     alerts: tuple[AlertState, ...] = ()
     is_over: bool = False
 
+    @property
+    def settings(self) -> DistractorSettings:
+        """What the study says about every kind of distractor."""
+        return self.distractor.settings
+
     def due_s(self, alert: int) -> float:
-        """Trial time at which an alert is raised."""
-        return self.settings.first_s + (alert - 1) * self.settings.every_s
+        """Trial time at which an alert is raised. Raises `StudyError` when that is not after the one before."""
+        due_s = self.distractor.due_s(alert)
+        before = self.alert(alert - 1)
+        if before is not None and not due_s > before.due_trial_s:
+            raise StudyError(
+                f"alert {alert} is due at {due_s} s, which is not after the last one: {before.due_trial_s} s"
+            )
+        return due_s
 
     def deadline_s(self, alert: int) -> float:
         """Trial time from which on an alert takes no answer."""
-        return min(self.due_s(alert) + self.settings.answer_within_s, self.due_s(alert + 1))
+        return min(self.distractor.deadline_s(alert), self.due_s(alert + 1))
 
     @property
     def open_alert(self) -> AlertState | None:
@@ -72,10 +81,12 @@ class DistractorState:
         """AlertState `number`, from 1, or None when it was not raised yet."""
         return self.alerts[number - 1] if 1 <= number <= len(self.alerts) else None
 
-    def advance(self, trial_s: float, reading: Callable[[int], str]) -> tuple[DistractorState, tuple[AlertState, ...]]:
+    def advance(
+        self, trial_s: float, stimulus: Callable[[int], Stimulus]
+    ) -> tuple[DistractorState, tuple[AlertState, ...]]:
         """The state at `trial_s`, and the alerts that were raised or expired on the way, in order.
 
-        `reading` gives the text of an alert (`design.reading` with the trial's plan).
+        `stimulus` gives what an alert shows (`Distractor.stimulus` with the participant's seed and the trial).
         """
         state, changed = self, []
         while trial_s >= state.next_change_s:
@@ -85,7 +96,7 @@ class DistractorState:
                 state = state._with(closed)
                 changed.append(closed)
             else:
-                raised = AlertState(coming, reading(coming), state.due_s(coming))
+                raised = AlertState(coming, stimulus(coming), state.due_s(coming))
                 state = replace(state, alerts=(*state.alerts, raised))
                 changed.append(raised)
         return state, tuple(changed)
@@ -109,8 +120,25 @@ class DistractorState:
             return self, "late"
         if not typed:
             return self, "empty"
-        answered = replace(alert, status="answered", answer=typed, answered_trial_s=trial_s, answered_utc=utc)
+        if not alert.stimulus.takes(typed):
+            return self, "no_choice"
+        answered = replace(
+            alert,
+            status="answered",
+            answer=typed,
+            correct=self.distractor.is_right(typed, self.stimuli(number)),
+            answered_trial_s=trial_s,
+            answered_utc=utc,
+        )
         return self._with(answered), "accepted"
+
+    def stimuli(self, number: int) -> tuple[Stimulus, ...]:
+        """Everything the trial has shown, up to alert `number`."""
+        return tuple(alert.stimulus for alert in self.alerts[:number])
+
+    def right_answer(self, number: int) -> str:
+        """A right answer to alert `number`, which was raised."""
+        return self.distractor.right_answer(self.stimuli(number))
 
     def shown(self, number: int, utc: str) -> DistractorState:
         """The page reported the alert visible; the first report counts, unknown alerts are ignored."""
@@ -142,21 +170,20 @@ class DistractorState:
 
     def row(self, alert: AlertState, participant: str, condition: str, trial: int) -> AlertRow:
         """What is recorded of an alert."""
-        correct = alert.correct
         return AlertRow(
             participant=participant,
             condition=condition,
             trial=trial,
             alert=alert.alert,
             placement=self.settings.placement,
-            reading=alert.reading,
+            reading=alert.stimulus.text,
             due_trial_s=alert.due_trial_s,
             shown_utc=alert.shown_utc,
             heard_utc=alert.heard_utc,
             answered_utc=alert.answered_utc,
             answered_trial_s=alert.answered_trial_s,
             answer=alert.answer,
-            correct=None if correct is None else int(correct),
+            correct=None if alert.correct is None else int(alert.correct),
             status=alert.status,
         )
 
@@ -170,18 +197,20 @@ class DistractorState:
         return replace(self, alerts=(*self.alerts[:position], alert, *self.alerts[position + 1 :]))
 
 
-def from_rows(settings: DistractorSettings, rows: Iterable[AlertRow]) -> DistractorState:
-    """The state that left these rows of one trial behind; alerts must be numbered 1, 2, 3, …"""
+def from_rows(distractor: Distractor[Any], seed: int, rows: Iterable[AlertRow]) -> DistractorState:
+    """The state that left these rows of one trial behind, of the participant with this seed; alerts must be numbered
+    1, 2, 3, …"""
     alerts = []
     for expected, row in enumerate(sorted(rows, key=lambda row: row.alert), start=1):
         if row.alert != expected:
             raise StudyError(
                 f"alerts of {row.participant!r}, trial {row.trial}: found {row.alert}, expected {expected}"
             )
+        stimulus = distractor.stimulus(seed, row.trial, row.alert)
         alerts.append(
             AlertState(
                 alert=row.alert,
-                reading=row.reading,
+                stimulus=replace(stimulus, text=row.reading),  # what was shown is what was recorded
                 due_trial_s=row.due_trial_s,
                 status=cast(AlertStatus, row.status),
                 shown_utc=row.shown_utc,
@@ -189,11 +218,7 @@ def from_rows(settings: DistractorSettings, rows: Iterable[AlertRow]) -> Distrac
                 answered_utc=row.answered_utc,
                 answered_trial_s=row.answered_trial_s,
                 answer=row.answer,
+                correct=None if row.correct is None else bool(row.correct),
             )
         )
-    return DistractorState(settings, tuple(alerts), any(alert.status == "trial_ended" for alert in alerts))
-
-
-def _plain(value: str) -> str:
-    """A typed number as it is compared: no surrounding space, a decimal comma is a point."""
-    return value.strip().replace(",", ".")
+    return DistractorState(distractor, tuple(alerts), any(alert.status == "trial_ended" for alert in alerts))
