@@ -238,7 +238,7 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
             agent = websocket.headers.get("user-agent", "")[:300]
             await lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
             await websocket.accept()
-            await sockets.serve(websocket, session, role)
+            await sockets.serve(websocket, session, role, lab.client_message)
 
     @app.websocket("/s/{public_id}/socket")
     async def participant_socket(websocket: WebSocket, public_id: str) -> None:

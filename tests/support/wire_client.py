@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 import httpx
 
 from app.session.private_text import with_words
-from app.simulated.bot import BotError, Wire, enter, form_answers, open_wire
+from app.simulated.answers import PlainPerson
+from app.simulated.bot import BotError, Wire, enter, handed_in, open_wire
 from app.wire import (
     SERVER_MESSAGE,
     Ack,
@@ -264,9 +265,9 @@ class Player:
                 await self.status("ready")
                 await self._submit("start", {}, None)
             else:
-                form = form_answers(page)
-                assert form is not None, f"nothing leads on from {page.state!r}"
-                await self._submit(*form, None)
+                given = handed_in(page, PlainPerson())
+                assert given is not None, f"nothing leads on from {page.state!r}"
+                await self._submit(given.step, given.data, None)
 
     async def measured(self) -> None:
         """Answer the pings of a measurement to the last."""
