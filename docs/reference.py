@@ -371,7 +371,10 @@ def steps() -> str:
 # ---- the packages -----------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("app", "app/*", "study", "study/*", "sim", "static", "static/*", "tests")
+ROOMS = (
+    *("app", "app/*", "study", "study/*", "study/flow/*", "sim"),
+    *("static", "static/*", "static/participant/*", "tests"),
+)
 """Where a README stands that says what a folder is, in the order told."""
 
 

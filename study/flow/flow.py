@@ -368,7 +368,8 @@ def _page_problems(page: FlowPage, pages: tuple[FlowPage, ...]) -> Iterator[str]
     if page.left_out_with and not any(one.state == page.left_out_with and one.left_out for one in pages):
         yield f"{named} is left out with {page.left_out_with!r}, which no study can leave out"
     for name, step in page.steps.items():
-        takers = [other.state for other in pages if other.steps.get(name, step) != step]
+        before = pages[: pages.index(page)]
+        takers = [other.state for other in before if other.steps.get(name, step) != step]
         if takers or name in STEPS_ANYWHERE or name.startswith("alert_"):
             others = ", ".join(takers) or "the lab itself"
             yield f"{named}: step {name!r} is another one in {others}; choose another name"

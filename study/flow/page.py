@@ -237,5 +237,5 @@ class FlowPage:
     """Whether it comes in every trial. Such pages stand together: the last one leads back to the first."""
     between_trials: bool = False
     """Whether it is left out after the last trial."""
-    view: Path | None = None
-    """The module of its view, when the lab has none of the page's name in static/participant/views."""
+    view: str | Path | None = None
+    """What shows it: the name of a module of static/participant/views (None = the state's), or a file of one's own."""

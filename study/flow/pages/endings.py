@@ -6,6 +6,8 @@ from study.definition.link_placeholders import filled
 from study.flow.page import Content, FlowPage, PageContext
 from study.flow.protocol import Session
 
+VIEW = "end"
+
 
 def done_content(session: Session, context: PageContext) -> Content:
     """Thanks, and the way back to where people came from."""
@@ -29,7 +31,7 @@ def aborted_content(session: Session, context: PageContext) -> Content:
     return {"text": list(context.study.texts.aborted), "completion_link": None}
 
 
-DONE = FlowPage(state="done", content=done_content)
-WITHDRAWN = FlowPage(state="withdrawn", content=withdrawn_content)
-ABORTED = FlowPage(state="aborted", content=aborted_content)
-SCREENED_OUT = FlowPage(state="screened_out", content=screened_out_content)
+DONE = FlowPage(state="done", content=done_content, view=VIEW)
+WITHDRAWN = FlowPage(state="withdrawn", content=withdrawn_content, view=VIEW)
+ABORTED = FlowPage(state="aborted", content=aborted_content, view=VIEW)
+SCREENED_OUT = FlowPage(state="screened_out", content=screened_out_content, view=VIEW)
