@@ -109,7 +109,13 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study)
         warm_up(self._workers, self.config.robot)
-        self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True, flow=self.flow))
+        store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
+        try:
+            store.sessions()  # somebody may stand on a page that this flow has not
+        except StudyError:
+            store.close()
+            raise
+        self._store = AsyncStore(store)
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""

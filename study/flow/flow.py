@@ -233,7 +233,8 @@ class Flow:
         )
         for field, value, fits in checks:
             if not fits:
-                raise StudyError(f"stored session of {session.participant!r}: {field} = {value!r} cannot be")
+                pages = f"; pages are {', '.join(self.states)}" if field in ("state", "resume_to") else ""
+                raise StudyError(f"stored session of {session.participant!r}: {field} = {value!r} cannot be{pages}")
         return session
 
     # ---- the way ----------------------------------------------------------------------------------------------------
