@@ -59,6 +59,7 @@ export function view({ socket }, page) {
   const element = card({
     title: `Before round ${round}`,
     lines: ["You have practised with the robot arm."],
+    wide: true,
     body: form,
     testid: "page-comfort",
   });
