@@ -25,9 +25,11 @@ from study.flow.pages import PAGES
 from study.flow.protocol import (
     ANYWHERE,
     CAUSES,
-    CLEARED_BY,
+    CLEARS,
     ENDS_ANYWHERE,
     NEEDS,
+    OF_THE_ROBOT,
+    PAUSE_EVENTS,
     PAUSED,
     TERMINAL,
     BeginTicks,
@@ -153,8 +155,7 @@ class Flow:
         """Everything that can happen, in the order in which it is told."""
         of_pages = [event for _, event in self.rules]
         aside = [event for _, event in self.interventions]
-        everywhere = ("connection_lost", "resume", "experimenter_pause", "experimenter_resume")
-        return tuple(dict.fromkeys((*of_pages, *everywhere, *aside, *ENDS_ANYWHERE)))
+        return tuple(dict.fromkeys((*of_pages, *PAUSE_EVENTS, *aside, *ENDS_ANYWHERE)))
 
     @cached_property
     def steps(self) -> Mapping[str, Step[Any]]:
@@ -188,7 +189,7 @@ class Flow:
             if NEEDS.get(session.place, (None, False))[1]:
                 # A tick may be the last one while a pause is on its way: on to the next state, still paused.
                 names.add(self.page(session.place).leads_on or "")
-            names |= {event for event, cause in CLEARED_BY.items() if cause in session.causes}
+            names |= {event for event, causes in CLEARS.items() if causes & session.causes}
         names.update(ANYWHERE)
         return tuple(event for event in self.events if event in names)
 
@@ -273,8 +274,8 @@ class Flow:
             return replace(_paused(session, "experimenter"), reason=event.reason)
         if name == "connection_lost":
             return _paused(session, "connection") if session.place in ("practice", "trial") else session
-        if name in CLEARED_BY:
-            causes = session.causes - {CLEARED_BY[name]}
+        if name in CLEARS:
+            causes = session.causes - CLEARS[name]
             if causes:
                 return replace(session, causes=causes)
             return replace(session, state=session.place, resume_to=None, causes=causes, reason=None)
@@ -288,8 +289,7 @@ class Flow:
         """The session at `target`, past what is left out; a pause stays a pause."""
         target, trial = self._not_left_out(session, target)
         if session.state == PAUSED:
-            # Only what ticks waits for a connection: a form can be shown whenever the page is back.
-            causes = session.causes if target in NEEDS else session.causes - {"connection"}
+            causes = session.causes if target in NEEDS else session.causes - OF_THE_ROBOT
             if causes:
                 return replace(session, resume_to=target, trial=trial, causes=causes)
         outcome: EndOutcome | None = "done" if target == DONE else None
@@ -351,7 +351,7 @@ def _problems(pages: tuple[FlowPage, ...]) -> Iterator[str]:
 def _page_problems(page: FlowPage, pages: tuple[FlowPage, ...]) -> Iterator[str]:
     states = [other.state for other in pages]
     named = f"page {page.state!r}"
-    everywhere = {*ANYWHERE, *CLEARED_BY}
+    everywhere = {*ANYWHERE, *PAUSE_EVENTS}
     for event in (page.leads_on, *page.ends, *page.aside):
         if event in everywhere:
             yield f"{named}: event {event!r} means the same from every page; choose another name"

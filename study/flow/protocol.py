@@ -135,8 +135,15 @@ NEEDS: Mapping[State, tuple[WorkerKind | None, bool]] = {
 }
 """The worker a state needs and whether it ticks. States that are not here need none."""
 
-ANYWHERE: tuple[EventName, ...] = ("connection_lost", "experimenter_pause", "withdraw", "abort")
-"""Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere."""
+PAUSE_EVENTS: tuple[EventName, ...] = ("connection_lost", "resume", "experimenter_pause", "experimenter_resume")
+"""What begins and ends pauses, in the order in which it is told."""
+CLEARS: Mapping[EventName, frozenset[Cause]] = {
+    "resume": frozenset({"connection"}),
+    "experimenter_resume": frozenset({"experimenter"}),
+}
+"""What ends a pause, and the causes it takes away."""
+OF_THE_ROBOT: frozenset[Cause] = frozenset({"connection"})
+"""Causes that end where no robot is needed: a form can be shown whenever the page is back."""
 
 
 @dataclass(frozen=True)
@@ -152,8 +159,8 @@ ENDS_ANYWHERE: Mapping[EventName, Ending] = {
     "abort": Ending("aborted", "aborted"),
 }
 """What ends a session wherever it is."""
-CLEARED_BY: Mapping[EventName, Cause] = {"resume": "connection", "experimenter_resume": "experimenter"}
-"""What ends a pause of each cause."""
+ANYWHERE: tuple[EventName, ...] = ("connection_lost", "experimenter_pause", *ENDS_ANYWHERE)
+"""Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere."""
 
 
 def to_json(session: Session) -> str:
