@@ -12,9 +12,12 @@ number that a committed tick took into account.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, field_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model, field_validator
+
+from study.flow.flow import FLOW, Flow
+from study.flow.steps import step_names
 
 PROTOCOL_VERSION = 1
 MAX_MESSAGE_BYTES = 65_536
@@ -23,6 +26,10 @@ Axis = Literal[-1, 0, 1]
 WireDirection = tuple[Axis, Axis, Axis]
 Gripper = Literal["open", "close"]
 Identifier = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._:-]+$")]
+if TYPE_CHECKING:
+    StepName: TypeAlias = str
+else:
+    StepName = Literal[step_names()]
 Sequence = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 
 
@@ -90,25 +97,7 @@ class Submit(Message):
     type: Literal["submit"] = "submit"
     id: Identifier
     """Chosen by the client, new for each submission, the same when it is resent."""
-    step: Literal[
-        "eligibility",
-        "leave",
-        "consent",
-        "decline",
-        "demographics",
-        "setup",
-        "instructions",
-        "start",
-        "survey",
-        "continue",
-        "resume",
-        "debrief",
-        "withdraw",
-        "help",
-        "alert_shown",
-        "alert_heard",
-        "alert_answer",
-    ]
+    step: StepName
     """Which step it is."""
     data: dict[str, Any] = Field(default_factory=dict)
     """What the step asks for; unknown keys are refused."""
@@ -187,7 +176,7 @@ class Welcome(Message):
 
 
 class Page(Message):
-    """What the participant should see now. `content` holds what that state needs (see `app.session.pages`)."""
+    """What the participant should see now. `content` holds what that state needs (see `study.flow.pages`)."""
 
     type: Literal["page"] = "page"
     state: str
@@ -385,3 +374,20 @@ ServerMessage = Annotated[
 
 CLIENT_MESSAGE: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
 SERVER_MESSAGE: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
+
+
+def submit_type(flow: Flow) -> type[Submit]:
+    """`Submit` for a flow: its steps and no others."""
+    if flow is FLOW:
+        return Submit
+    step: Any = Literal[step_names(flow)]
+    return create_model("Submit", __base__=Submit, step=(step, ...))
+
+
+def client_message(flow: Flow) -> TypeAdapter[ClientMessage]:
+    """`CLIENT_MESSAGE` for a flow."""
+    if flow is FLOW:
+        return CLIENT_MESSAGE
+    submit: Any = submit_type(flow)
+    either: Any = Hello | Input | Heartbeat | submit | Note | View | Pong
+    return TypeAdapter(Annotated[either, Field(discriminator="type")])

@@ -423,7 +423,10 @@ def steps() -> str:
 # ---- the packages -----------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("app", "app/*", "app/autonomy/*", "study", "study/*", "study/flow/*", "sim", "static", "static/*", "tests")
+ROOMS = (
+    *("app", "app/*", "app/autonomy/*", "study", "study/*", "study/flow/*", "sim"),
+    *("static", "static/*", "static/participant/*", "tests"),
+)
 """Where a README stands that says what a folder is, in the order told."""
 
 

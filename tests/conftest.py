@@ -155,9 +155,9 @@ def start_lab(tmp_path: Path) -> Iterator[Callable[..., LabServer]]:
     running: list[LabServer] = []
     numbers = itertools.count()
 
-    def start(*arguments: str, data_dir: Path | None = None, environment: dict[str, str] | None = None) -> LabServer:
+    def start(*arguments: str, data_dir: Path | None = None, **options: Any) -> LabServer:
         folder = data_dir or tmp_path / f"data{next(numbers)}"
-        running.append(labs.start(folder, *arguments, environment=environment))
+        running.append(labs.start(folder, *arguments, **options))
         return running[-1]
 
     yield start

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from app.commands.groups import DATA
-from app.commands.options import folder
+from app.commands.options import flow_of, folder
 from app.config import LabConfig
 from app.errors import LabError
 
@@ -43,6 +43,7 @@ def export(
 
 @commands.command(rich_help_panel=DATA, epilog="Example: salab erase --data data --participant P001 --yes")
 def erase(
+    context: typer.Context,
     participant: Annotated[str, typer.Option(metavar="ID", help="such as P001")],
     data: Annotated[Path, folder("folder of the database; no lab runs on it")] = DATA_DIR,
     yes: Annotated[bool, typer.Option("--yes", help="do it; without this nothing is deleted")] = False,
@@ -56,7 +57,7 @@ def erase(
     from study.records import utc_text
     from study.store import open_store
 
-    with open_store(data, exclusive=True, must_exist=True) as store:
+    with open_store(data, exclusive=True, must_exist=True, flow=flow_of(context)) as store:
         store.session(participant)  # says so when there is none
         if not yes:
             raise LabError(f"{participant} would be erased for good; say --yes to do it")

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand
 
 from study.parts.registry import Registry
 
+if TYPE_CHECKING:
+    from study.flow.flow import Flow
+
 MAX_PORT = 65535
+
+
+def flow_of(context: typer.Context) -> Flow:
+    """The pages that the program runs with: the lab's, unless a program of one's own gave others."""
+    from study.flow.flow import FLOW
+
+    flow: Flow = context.obj or FLOW
+    return flow
 
 
 def number(help: str) -> Any:

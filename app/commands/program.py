@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer.core import TyperGroup
@@ -14,6 +14,9 @@ from typer.main import get_command
 
 from app.commands import data, replication, serve, simulated, study_file
 from app.commands.groups import GroupedHelp
+
+if TYPE_CHECKING:
+    from study.flow.flow import Flow
 
 NAME = "salab"
 DISTRIBUTION = "shared-autonomy-lab"
@@ -40,12 +43,12 @@ def program() -> TyperGroup:
     return command
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the command that was typed; no arguments at all print the help. What is no command ends with status 2 and
-    one line that says why."""
+def run(arguments: Sequence[str], flow: Flow | None = None) -> int:
+    """Run the command that was typed, with the pages of `flow` (None = the lab's); no arguments at all print the help.
+    What is no command ends with status 2 and one line that says why."""
     salab = program()
     try:
-        status = salab.main(list(arguments) or ["--help"], prog_name=NAME, standalone_mode=False)
+        status = salab.main(list(arguments) or ["--help"], prog_name=NAME, standalone_mode=False, obj=flow)
     except typer.TyperException as error:
         command = f"{NAME} {arguments[0]}" if arguments[0] in salab.commands else NAME
         print(f"{command}: {error.format_message().removesuffix('.')}; see `{command} --help`", file=sys.stderr)

@@ -13,7 +13,7 @@ import typer
 
 from app.commands import options
 from app.commands.groups import RUN_A_STUDY
-from app.commands.options import choice, file, folder, port_number, registered
+from app.commands.options import choice, file, flow_of, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
 from app.errors import LabError
 from app.trial.robots import ROBOTS
@@ -33,6 +33,7 @@ commands = typer.Typer()
     rich_help_panel=RUN_A_STUDY, epilog="Example: salab serve --study my-study.toml --data data --port 8000"
 )
 def serve(
+    context: typer.Context,
     host: Annotated[str, typer.Option(metavar="HOST", help="address to listen on")] = DEFAULTS.host,
     port: Annotated[
         int, typer.Option(metavar="PORT", parser=port_number, help="port to listen on; 0 = any free one")
@@ -67,7 +68,7 @@ def serve(
         scene=not no_scene,
     )
     with listen(config.host, config.port) as listener:
-        lab = Lab(config, os.environ.get("SALAB_EXPERIMENTER_TOKEN"))
+        lab = Lab(config, os.environ.get("SALAB_EXPERIMENTER_TOKEN"), flow=flow_of(context))
         lab.prepare()
         if not lab.base_url:
             address = f"[{config.host}]" if ":" in config.host else config.host

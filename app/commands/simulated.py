@@ -9,7 +9,7 @@ import typer
 
 from app.commands import options
 from app.commands.groups import SIMULATE_AND_ANALYSE
-from app.commands.options import choice, file, folder, number, registered
+from app.commands.options import choice, file, flow_of, folder, number, registered
 from app.simulated.presets import PRESET_NAMES
 from app.trial.robots import ROBOTS
 
@@ -21,6 +21,7 @@ commands = typer.Typer()
     epilog="Example: salab simulate --participants 12 --seed 7 --workers 2 --out pilot",
 )
 def simulate(
+    context: typer.Context,
     out: Annotated[Path, folder("folder to write into, laid out as by `salab export`")],
     participants: Annotated[int, number("how many")] = 12,
     seed: Annotated[int, number("of everything random")] = 7,
@@ -43,7 +44,7 @@ def simulate(
     """
     from app.simulated.study import make_plan, simulate
 
-    plan = make_plan(seed, robot, preset, study, trust)
+    plan = make_plan(seed, robot, preset, study, trust, flow_of(context))
     rows = simulate(plan, participants, workers, out, preset)
     print(f"{participants} simulated participants, {rows['ticks']} ticks: {out}")
 
@@ -71,6 +72,7 @@ def analyze(
     rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab bot --url http://127.0.0.1:8000/p/TOKEN --quiet"
 )
 def bot(
+    context: typer.Context,
     url: Annotated[str, typer.Option(metavar="URL", help="a participant's link")],
     panel_url: Annotated[
         str | None, typer.Option(metavar="URL", help="the second device's link, if the study uses one")
@@ -85,5 +87,5 @@ def bot(
 
     from app.simulated.bot import run_bot
 
-    report = asyncio.run(run_bot(url, panel_url=panel_url, say=None if quiet else print))
+    report = asyncio.run(run_bot(url, panel_url=panel_url, say=None if quiet else print, flow=flow_of(context)))
     print(f"done: {report.ticks} ticks, {report.alerts} alerts answered, {report.surveys} surveys")

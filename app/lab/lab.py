@@ -23,10 +23,12 @@ from app.session.session import LiveSession
 from app.trial.setup import StudySetup, study_setup
 from app.trial.values import CycleStart, cycle_from_json, inputs_of
 from app.trial.world import open_study, parse_stored
+from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
 from study.flow.distractors.state import from_rows
+from study.flow.flow import FLOW, Flow
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
@@ -62,15 +64,23 @@ class Lab:
 
     Attributes:
         config: how the lab runs.
+        flow: the pages that participants go through.
+        client_message: what a page may say.
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
     def __init__(
-        self, config: LabConfig, experimenter_token: str | None = None, now_unix_s: Callable[[], float] = time.time
+        self,
+        config: LabConfig,
+        experimenter_token: str | None = None,
+        now_unix_s: Callable[[], float] = time.time,
+        flow: Flow = FLOW,
     ) -> None:
         self.config = config
+        self.flow = flow
+        self.client_message = client_message(flow)
         self.base_url = config.public_url or ""
         self.experimenter_token = experimenter_token or new_token()
         self.demo_token = new_token()
@@ -100,7 +110,13 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
-        self._store = AsyncStore(open_store(self.config.data_dir, exclusive=True))
+        store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
+        try:
+            store.sessions()  # somebody may stand on a page that this flow has not
+        except StudyError:
+            store.close()
+            raise
+        self._store = AsyncStore(store)
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
@@ -348,6 +364,7 @@ class Lab:
             now_unix_s=self._now_unix_s,
             changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
+            flow=self.flow,
         )
         return LiveSession(enrolment, stored.session, resumed, services)
 

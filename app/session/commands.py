@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from app.errors import LabError
-from study.flow.protocol import EventName, Session, allowed
+from study.flow.flow import FLOW, Flow
+from study.flow.protocol import EventName, Session
 
 CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
 RemarkName = Literal["note", "task_marked", "message", "help_seen"]
@@ -63,6 +64,12 @@ class Circumstances:
     lacks_panel: bool = False
     """The second task would appear on a second device that nobody has opened."""
     help_wanted: bool = False
+    flow: Flow = FLOW
+
+    @property
+    def allowed(self) -> tuple[EventName, ...]:
+        """The events that the session takes now."""
+        return self.flow.allowed(self.session)
 
 
 def why_not(act: ActName, now: Circumstances) -> str:
@@ -88,7 +95,7 @@ def _start(now: Circumstances) -> str:
         return "The session is paused. Resume it first."
     if session.is_ticking:
         return "It has started already."
-    if "start" not in allowed(session):
+    if "start" not in now.allowed:
         return "Nothing waits to be started: that is so before practice and before a trial."
     if not now.connected:
         return "The participant's page is not connected: nobody could drive."
@@ -111,7 +118,7 @@ def _resume(now: Circumstances) -> str:
 
 def _repeat_practice(now: Circumstances) -> str:
     session = now.session
-    if "repeat_practice" in allowed(session):
+    if "repeat_practice" in now.allowed:
         return ""
     if "practice_ready" in session.skips:
         return "This study has no practice."
@@ -121,7 +128,7 @@ def _repeat_practice(now: Circumstances) -> str:
 
 
 def _abort_trial(now: Circumstances) -> str:
-    return "" if "abort_trial" in allowed(now.session) else "No trial is under way."
+    return "" if "abort_trial" in now.allowed else "No trial is under way."
 
 
 def _always(now: Circumstances) -> str:

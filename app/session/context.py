@@ -11,7 +11,6 @@ from app.session import pages
 from app.session.connections import Connections
 from app.session.history import History
 from app.session.interfaces import Enrolment, LabServices, Vitals
-from app.session.pages import PageContext
 from app.session.private_text import Private
 from app.session.round_trips import RoundTrips
 from app.session.running_trial import RunningTrial
@@ -19,9 +18,10 @@ from app.session.spectators import Spectators
 from app.session.worker_link import WorkerLink
 from app.trial.looks import looks_of
 from app.trial.values import CycleStart, cycle_to_json
-from app.wire import Instruction, Page, Status
+from app.wire import Page, Status
 from study.flow.distractors.state import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
+from study.flow.page import PageContext
 from study.flow.protocol import Session
 from study.records import AlertRow, EventRow, utc_text
 from study.store import Batch, Cycle, Identity, Submission
@@ -126,21 +126,20 @@ class SessionContext:
     def page(self) -> Page:
         """The participant's page."""
         practice = self.session.place in ("practice_ready", "practice")
-        shown: Instruction | None = None
-        if self.running.view is not None:
-            shown = pages.instruction(self.running.view, self.services.labels, practice)
-        scene_path = f"/s/{self.enrolment.public_id}/scene/"
+        view = self.running.view
+        shown = pages.instruction(view, self.services.labels, practice) if view is not None else None
         context = PageContext(
             study=self.services.study,
-            scene_path=scene_path,
+            scene_path=f"/s/{self.enrolment.public_id}/scene/",
             panel_link=self.panel_link,
-            instruction=shown,
+            instruction=shown.model_dump() if shown else None,
             worker_ready=self.link.ready,
+            views=pages.VIEWS,
             public_id=self.enrolment.public_id,
             ids=self.enrolment.ids,
             looks=looks_of(self.services.study),
         )
-        return pages.page(self.session, context)
+        return pages.page(self.session, context, self.services.flow)
 
     def measure(self) -> None:
         """Measure the round trip of a page whose device is being checked, if the study asks for it."""

@@ -13,6 +13,7 @@ from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
 from study.definition.study import SessionPlan, Study
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import DistractorState
+from study.flow.flow import FLOW, Flow
 from study.flow.protocol import WorkerKind
 from study.records import EventRow, TrialRow, utc_text
 from study.store import AsyncStore
@@ -111,6 +112,8 @@ class LabServices:
     now_unix_s: Callable[[], float]
     changed: Callable[[str], None] = lambda participant: None
     """Told whenever something about the session may have changed."""
+    flow: Flow = FLOW
+    """The participant's pages."""
 
     def now_utc(self) -> str:
         """The time as it is recorded."""

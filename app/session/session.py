@@ -169,6 +169,7 @@ class LiveSession:
             ready=self._link.ready,
             lacks_panel=context.lacks_panel(),
             help_wanted=context.vitals.help_wanted,
+            flow=context.services.flow,
         )
 
     @property

@@ -16,8 +16,9 @@ from app.session.private_text import apart
 from app.session.transitions import Transitions
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
-from study.flow import protocol
-from study.flow.steps import STEPS, AlertData, Refused, StepContext, parse
+from study.flow.page import Refused, StepContext, parse
+from study.flow.protocol import IllegalEvent
+from study.flow.steps import AlertData
 from study.records import EventRow
 from study.store import Batch, ConsentGiven
 
@@ -78,7 +79,7 @@ class Submissions:
             if message.step == "eligibility" and refused.log:
                 context.lacking = tuple(refused.log[1]["lacking"])
                 context.measure()
-        except protocol.IllegalEvent as illegal:
+        except IllegalEvent as illegal:
             refuse(client, "illegal", "step", str(illegal), message.id)
             client.deliver(context.page())
 
@@ -93,7 +94,7 @@ class Submissions:
             round_trip_ms=context.round_trips.median_ms,
             lacking=context.lacking,
         )
-        outcome = STEPS[message.step](step, message.data)
+        outcome = context.services.flow.steps[message.step](step, message.data)
         data, private = apart(message.step, outcome.words)
         events = (context.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":

@@ -13,8 +13,7 @@ from app.session import pages
 from app.session.context import SessionContext
 from app.trial.values import CycleStart, cycle_from_json
 from app.worker.messages import Begin, Failed, Hold, HoldChanged, PartFailed, Ready, SpectatorPort, Ticked, WorkerReport
-from study.flow import protocol
-from study.flow.protocol import BeginTicks, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
+from study.flow.protocol import BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
 from study.records import TrialRow, utc_text
 from study.store import Batch
@@ -32,7 +31,7 @@ class Transitions:
         """Bring back what a restart of the lab interrupted."""
         context = self._context
         before = context.session
-        context.session, effects = protocol.restore(before, context.services.now_unix_s())
+        context.session, effects = context.services.flow.restore(before, context.services.now_unix_s())
         if context.session != before:
             event = context.event("lab_restarted", "lab", {"state": before.state})
             await context.commit(Batch(session=context.session, events=(event,)))
@@ -51,7 +50,7 @@ class Transitions:
         """
         context = self._context
         before = context.session
-        after, effects = protocol.advance(before, event, context.services.now_unix_s())
+        after, effects = context.services.flow.advance(before, event, context.services.now_unix_s())
         if after != before:
             data = {"event": event.name, "from": before.state, "to": after.state, "reason": event.reason}
             batch = replace(batch, events=(*batch.events, context.event("state", "lab", data)))
@@ -98,7 +97,7 @@ class Transitions:
         cycle = cycle_from_json(last.start).cycle if last else CycleStart().cycle
         return CycleStart(cycle + 1, rows[-1].tick + 1 if rows else 0)
 
-    async def _carry_out(self, effects: tuple[protocol.Effect, ...]) -> None:
+    async def _carry_out(self, effects: tuple[Effect, ...]) -> None:
         link = self._context.link
         for effect in effects:
             if isinstance(effect, StartWorker):

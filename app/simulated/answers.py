@@ -1,4 +1,4 @@
-"""What simulated participants answer: questionnaires after a trial, and the forms before and after. Pure.
+"""What scripted clients answer when a page asks them (`study.flow.page.Person`): simulated participants, and the bot.
 
 The questionnaire model, in points of the 1 to 7 scale:
 
@@ -24,8 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from app.errors import LabError
 from app.simulated.traits import Traits
 from study.definition.study import Study
+from study.flow.eligibility import USER_AGENTS
+from study.flow.page import Content
 
 USABILITY, WORKLOAD = 5.4, 3.1
 LENIENCY, STRAIN = 0.8, 1.1
@@ -44,42 +47,88 @@ class Experience:
     contrary: float
 
 
-def survey_answers(
-    study: Study, traits: Traits, felt: Experience, rng: np.random.Generator
-) -> dict[str, dict[str, int]]:
-    """Answers to every questionnaire of the study, as `study.flow.answers.validate_surveys` takes them.
+class SimulatedPerson:
+    """A simulated participant on one page, with a stream of its own to draw answers from."""
 
-    A questionnaire that is about neither usability nor workload is answered around the middle.
-    """
-    extra = felt.minutes - USUAL_MINUTES
-    usability = USABILITY + LENIENCY * traits.leniency - 0.15 * extra - 0.25 * felt.failures - 2.5 * felt.contrary
-    workload = WORKLOAD + STRAIN * traits.strain + 0.10 * extra + 0.20 * felt.missed + 2.0 * felt.contrary
-    levels = {"sus_modified": usability, "tlx_raw": workload}
-    answers: dict[str, dict[str, int]] = {}
-    for form in study.instruments:
-        name = form.id
-        level = levels.get(name, (form.points + 1) / 2.0) + SCORE_NOISE * float(rng.standard_normal())
-        answers[name] = {}
-        for item in form.items:
-            point = round(level + ITEM_NOISE * float(rng.standard_normal()))
-            point = min(max(point, 1), form.points)
-            answers[name][item.id] = form.points + 1 - point if item.reversed else point
-    return answers
+    def __init__(self, study: Study, traits: Traits, felt: Experience, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._right = {question.id: question.correct for question in study.instructions.questions}
+        self._turned = {(form.id, item.id) for form in study.instruments for item in form.items if item.reversed}
+        extra = felt.minutes - USUAL_MINUTES
+        usability = USABILITY + LENIENCY * traits.leniency - 0.15 * extra - 0.25 * felt.failures - 2.5 * felt.contrary
+        workload = WORKLOAD + STRAIN * traits.strain + 0.10 * extra + 0.20 * felt.missed + 2.0 * felt.contrary
+        self._levels = {"sus_modified": usability, "tlx_raw": workload}
+
+    def device(self, asked: Content) -> None:
+        """There is none: nobody looks at a simulated screen."""
+
+    def controls(self) -> Mapping[str, Any]:
+        """A gamepad of our making."""
+        return {"device": "gamepad", "pad_id": "simulated", "sound": True}
+
+    def about(self, item: Content) -> Any:
+        """Any of the options, all as likely; a number from 18 to 65; no words unless they are required."""
+        if item["kind"] == "choice":
+            return item["options"][int(self._rng.integers(len(item["options"])))]["id"]
+        if item["kind"] == "number":
+            return int(self._rng.integers(18, 66))
+        return "simulated" if item["required"] else None
+
+    def understood(self, question: Content) -> str:
+        """Everything right: simulated participants have read the instructions."""
+        return self._right[question["id"]]
+
+    def rated(self, form: Content) -> dict[str, int]:
+        """As the model above says; around the middle where a form is about neither usability nor workload."""
+        name, points = form["id"], form["points"]
+        level = self._levels.get(name, (points + 1) / 2.0) + SCORE_NOISE * float(self._rng.standard_normal())
+        given = {}
+        for item in form["items"]:
+            point = round(level + ITEM_NOISE * float(self._rng.standard_normal()))
+            point = min(max(point, 1), points)
+            given[item["id"]] = points + 1 - point if (name, item["id"]) in self._turned else point
+        return given
 
 
-def demographic_answers(study: Study, rng: np.random.Generator) -> dict[str, Any]:
-    """Any of the options, all as likely; a number from 18 to 65; no words."""
-    answers: dict[str, Any] = {}
-    for item in study.demographics:
-        if item.kind == "choice":
-            answers[item.id] = item.options[int(rng.integers(len(item.options)))].id
-        elif item.kind == "number":
-            answers[item.id] = int(rng.integers(18, 66))
-        elif item.required:
-            answers[item.id] = "simulated"
-    return answers
+class PlainPerson:
+    """Whom the bot stands for: the middle of every scale, the first option, the next one where that was wrong."""
 
+    def __init__(self) -> None:
+        self._tries: dict[str, int] = {}
 
-def comprehension_answers(study: Study) -> Mapping[str, str]:
-    """Everything right: simulated participants have read the instructions."""
-    return {question.id: question.correct for question in study.instructions.questions}
+    def device(self, asked: Content) -> Mapping[str, Any]:
+        """A device that has everything. Its round trip is measured all the same."""
+        size = {"width_px": 10_000, "height_px": 10_000}
+        parts = {"has_touch_only": False, "has_webgl": True, "is_secure": True, "pad_id": "scripted"}
+        agent = "".join(USER_AGENTS[name] for name in asked["browsers"][:1])
+        return {**size, **parts, "user_agent": agent, "tones": (asked["tones"] or [None])[0]}
+
+    def controls(self) -> Mapping[str, Any]:
+        """The keyboard."""
+        return {"device": "keyboard", "sound": True}
+
+    def about(self, item: Content) -> Any:
+        """The least that is required."""
+        if not item["required"]:
+            return None
+        options = [option["id"] for option in item["options"]]
+        return {"choice": options[0] if options else "", "number": 30, "text": "-"}[item["kind"]]
+
+    def understood(self, question: Content) -> str:
+        """One option after another until it is the right one, as somebody who has not read the text."""
+        name, options = question["id"], [option["id"] for option in question["options"]]
+        tries = self._tries.setdefault(name, 0)
+        if tries >= len(options):
+            raise LabError(f"no option of question {name!r} is right")
+        return str(options[tries])
+
+    def was_wrong(self, question: str) -> bool:
+        """Remember that an option was wrong; whether this is a question that was tried at all."""
+        if question not in self._tries:
+            return False
+        self._tries[question] += 1
+        return True
+
+    def rated(self, form: Content) -> dict[str, int]:
+        """The middle."""
+        return {item["id"]: (form["points"] + 1) // 2 for item in form["items"]}

@@ -20,6 +20,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from app.errors import LabError
+from app.simulated.answers import PlainPerson
 from app.simulated.pilot import Pilot, Sight
 from app.trial.values import UserInput
 from app.wire import (
@@ -42,9 +43,11 @@ from app.wire import (
     Tick,
     Welcome,
     World,
+    submit_type,
 )
-from study.flow.eligibility import USER_AGENTS
-from study.flow.protocol import TERMINAL
+from study.flow.flow import FLOW, Flow
+from study.flow.page import HandedIn, Person
+from study.flow.protocol import NEEDS, PAUSED, TERMINAL
 
 ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000
@@ -113,8 +116,9 @@ def _is_link(url: str) -> bool:
 class Wire:
     """An open socket of the protocol: typed messages out and in."""
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection: ClientConnection, submit: type[Submit] = Submit) -> None:
         self._connection = connection
+        self._submit = submit
         self._name = secrets.token_hex(6)
         self._numbers = itertools.count(1)
 
@@ -145,7 +149,7 @@ class Wire:
     async def submit(self, step: str, data: Mapping[str, Any]) -> str:
         """Submit a step; returns the message's id."""
         identifier = self.new_id()
-        await self.send(Submit.model_validate({"id": identifier, "step": step, "data": data}))
+        await self.send(self._submit.model_validate({"id": identifier, "step": step, "data": data}))
         return identifier
 
     def new_id(self) -> str:
@@ -154,55 +158,23 @@ class Wire:
 
 
 @contextlib.asynccontextmanager
-async def open_wire(access: PageAccess, name: str, telemetry: bool = False) -> AsyncIterator[Wire]:
-    """Connect and say hello."""
+async def open_wire(access: PageAccess, name: str, telemetry: bool = False, flow: Flow = FLOW) -> AsyncIterator[Wire]:
+    """Connect and say hello. `flow` is the lab's."""
     headers = {"Cookie": access.cookie}
     try:
         connection = await connect(access.socket_url, additional_headers=headers, compression=None, proxy=None)
     except (InvalidHandshake, OSError) as error:
         raise BotError(f"the lab did not open a socket: {error}") from None
     async with connection:
-        wire = Wire(connection)
+        wire = Wire(connection, submit_type(flow))
         await wire.send(Hello(protocol=PROTOCOL_VERSION, client=name, telemetry=telemetry))
         yield wire
 
 
-def form_answers(page: Page) -> tuple[str, dict[str, Any]] | None:
-    """The step and data that lead on from a page with a form, or None if the page is not one."""
-    content = page.content
-    makers: Mapping[str, Callable[[], tuple[str, dict[str, Any]]]] = {
-        "eligibility": lambda: ("eligibility", _fit_device(content)),
-        "consent": lambda: ("consent", {"accepted": True, "hash": content["hash"]}),
-        "demographics": lambda: (
-            "demographics",
-            {"answers": {item["id"]: _demographic(item) for item in content["items"] if item["required"]}},
-        ),
-        "setup": lambda: ("setup", {"device": "keyboard", "sound": True}),
-        "survey": lambda: (
-            "survey",
-            {"answers": {form["id"]: _middle(form) for form in content["instruments"]}},
-        ),
-        "break": lambda: ("continue", {}),
-        "debrief": lambda: ("debrief", {"answers": {}}),
-    }
-    return makers[page.state]() if page.state in makers else None
-
-
-def _fit_device(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What a page reports of a device that has everything. Its round trip is measured all the same."""
-    size = {"width_px": 10_000, "height_px": 10_000}
-    parts = {"has_touch_only": False, "has_webgl": True, "is_secure": True, "pad_id": "scripted"}
-    agent = "".join(USER_AGENTS[name] for name in content["browsers"][:1])
-    return {**size, **parts, "user_agent": agent, "tones": (content["tones"] or [None])[0]}
-
-
-def _middle(form: Mapping[str, Any]) -> dict[str, int]:
-    return {item["id"]: (form["points"] + 1) // 2 for item in form["items"]}
-
-
-def _demographic(item: Mapping[str, Any]) -> Any:
-    options = [option["id"] for option in item["options"]]
-    return {"choice": options[0] if options else "", "number": 30, "text": "-"}[item["kind"]]
+def handed_in(page: Page, person: Person, flow: Flow = FLOW) -> HandedIn | None:
+    """What the script of a page hands in, or None where it has nothing to."""
+    scripted = flow.page(page.state).scripted
+    return scripted(page.content, person) if scripted else None
 
 
 def alert_steps(alert: Alert) -> tuple[tuple[str, dict[str, Any]], ...]:
@@ -231,9 +203,7 @@ class PanelBot:
             if isinstance(message, Alert):
                 logged += 1
                 for step, data in alert_steps(message):
-                    await self._wire.send(
-                        Submit.model_validate({"id": self._wire.new_id(), "step": step, "data": data})
-                    )
+                    await self._wire.submit(step, data)
             elif isinstance(message, Error):
                 raise BotError(
                     f"the lab refused on the second device: {message.code}, {message.field}: {message.message}"
@@ -245,8 +215,12 @@ class PanelBot:
 class Bot:
     """One scripted participant over one wire. `say` gets a line for every page."""
 
-    def __init__(self, wire: Wire, say: Callable[[str], None] | None, panel: PanelBot | None = None) -> None:
+    def __init__(
+        self, wire: Wire, say: Callable[[str], None] | None, panel: PanelBot | None = None, flow: Flow = FLOW
+    ) -> None:
         self.report = BotReport()
+        self._flow = flow
+        self._person = PlainPerson()
         self._wire = wire
         self._say = say or (lambda line: None)
         self._panel = panel
@@ -259,7 +233,6 @@ class Bot:
         self._seq = 0
         self._phase_ticks = 0
         self._pending: dict[str, str] = {}
-        self._wrong_tries: dict[str, int] = {}
         self._faults = 0
         self._given_up: set[str | None] = set()
 
@@ -306,27 +279,26 @@ class Bot:
         self._say(page.state + (f" (trial {page.trial} of {page.trials})" if page.trial else ""))
         self._ready = self._resumed = False
         self._phase_ticks = 0
-        if page.state == "instructions":
-            await self._answer_questions()
-        elif "round_trip" not in page.content.get("checks", ()):  # else once that is measured
-            form = form_answers(page)
-            if form is not None:
-                await self._submit(*form)
+        if not self._waits(page):
+            await self._answer_page()
         if page.state == "survey":
             self.report.surveys += 1
 
+    def _waits(self, page: Page) -> bool:
+        """Whether something must come before the answer: the robot, or the measurement of the connection."""
+        return page.state == PAUSED or page.state in NEEDS or "round_trip" in page.content.get("checks", ())
+
     async def _on_ping(self, ping: Ping) -> None:
         await self._wire.send(Pong(n=ping.n))
-        form = form_answers(self._page) if self._page else None
-        if ping.left == 0 and form is not None:
-            await self._submit(*form)
+        if ping.left == 0 and self._page is not None:
+            await self._answer_page()
 
     async def _on_status(self, status: Status) -> None:
         """Start when the robot is ready; the first input of a phase follows when it runs."""
         assert self._page is not None
         if status.status == "ready" and self._page.state.endswith("_ready") and not self._ready:
             self._ready = True
-            await self._submit("start", {})
+            await self._answer_page()
         elif status.status == "running":
             await self._drive()
         elif status.status == "paused" and self._page.content.get("can_resume") and not self._resumed:
@@ -334,7 +306,7 @@ class Bot:
             self._faults += "fault" in self._page.content.get("causes", ())
             if self._faults > MAX_FAULTS:
                 raise BotError(f"the lab paused {MAX_FAULTS} times because of a fault of its own; see its event log")
-            await self._submit("resume", {})
+            await self._answer_page()
 
     async def _on_tick(self, tick: Tick) -> None:
         self.report.ticks += 1
@@ -364,17 +336,14 @@ class Bot:
         """In a pickup the object is only lifted: any bin is a fine direction to lift it for. None in practice."""
         return next(iter(world.bins_m.values())) if task.kind == "pickup" else None
 
-    async def _answer_questions(self) -> None:
-        """Try one option after another until the check is passed, as somebody who has not read the text."""
+    async def _answer_page(self) -> None:
+        """Hand in what the page's script says."""
         assert self._page is not None
-        answers = {}
-        for question in self._page.content["questions"]:
-            options = [option["id"] for option in question["options"]]
-            tries = self._wrong_tries.setdefault(question["id"], 0)
-            if tries >= len(options):
-                raise BotError(f"no option of question {question['id']!r} is right")
-            answers[question["id"]] = options[tries]
-        await self._submit("instructions", {"answers": answers})
+        given = handed_in(self._page, self._person, self._flow)
+        if given is not None:
+            await self._submit(given.step, given.data)
+        elif not (self._page.state in TERMINAL or self._waits(self._page)):
+            raise BotError(f"page {self._page.state!r} says nothing of how a scripted client gets past it")
 
     async def _on_error(self, error: Error) -> None:
         step = self._pending.pop(error.id or "", None)
@@ -382,17 +351,18 @@ class Bot:
             return
         if (error.code, error.field, error.id) == ("illegal", "type", None):
             return  # the worker was being replaced: the lab says when ticks run again
-        if step != "instructions" or not (error.field or "").startswith("answers."):
+        if step is None or not self._person.was_wrong((error.field or "").removeprefix("answers.")):
             raise BotError(f"the lab refused {step or 'a message'}: {error.code}, {error.field}: {error.message}")
         self._given_up.add(error.id)  # its other wrong answers are put right one by one
-        self._wrong_tries[(error.field or "").removeprefix("answers.")] += 1
-        await self._answer_questions()
+        await self._answer_page()
 
-    async def _submit(self, step: str, data: dict[str, Any]) -> None:
+    async def _submit(self, step: str, data: Mapping[str, Any]) -> None:
         self._pending[await self._wire.submit(step, data)] = step
 
 
-async def run_bot(url: str, panel_url: str | None = None, say: Callable[[str], None] | None = None) -> BotReport:
+async def run_bot(
+    url: str, panel_url: str | None = None, say: Callable[[str], None] | None = None, flow: Flow = FLOW
+) -> BotReport:
     """Complete a study over a participant's link. Raises `BotError` when the lab refuses something."""
     async with contextlib.AsyncExitStack() as stack:
         panel = None
@@ -400,5 +370,5 @@ async def run_bot(url: str, panel_url: str | None = None, say: Callable[[str], N
             panel = PanelBot(
                 await stack.enter_async_context(open_wire(await enter(panel_url), "bot-panel", telemetry=True))
             )
-        wire = await stack.enter_async_context(open_wire(await enter(url), "bot", telemetry=True))
-        return await Bot(wire, say, panel).run()
+        wire = await stack.enter_async_context(open_wire(await enter(url), "bot", telemetry=True, flow=flow))
+        return await Bot(wire, say, panel, flow).run()

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app.simulated.answers import Experience, comprehension_answers, demographic_answers, survey_answers
+import numpy as np
+
+from app.errors import LabError
+from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.driver import Driver, ticks_of
 from app.simulated.pilot import Sight
 from app.simulated.traits import Population, Traits, draw_traits, stream
@@ -21,10 +25,10 @@ from app.trial.setup import StudySetup
 from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session
-from study.flow import protocol
 from study.flow.distractors.state import DistractorState
+from study.flow.flow import FLOW, Flow
+from study.flow.page import FlowPage, PageContext, StepContext
 from study.flow.protocol import Event, Session
-from study.flow.steps import STEPS, StepContext
 from study.records import SCHEMA_VERSION, TABLES, EventRow, ParticipantRow, utc_text
 
 FIRST_DAY_UNIX_S = 946_684_800.0
@@ -48,6 +52,7 @@ class Case:
     seed: int
     order: tuple[str, ...]
     population: Population = field(default_factory=Population)
+    flow: Flow = FLOW
 
     @property
     def participant(self) -> str:
@@ -83,7 +88,7 @@ def simulate_trials(case: Case, make_robot: Callable[[], Robot]) -> Record:
         run.session = replace(run.session, state="trial", trial=number, outcome=None)
         run.trial()
         if run.session.state == "survey":
-            run.survey()
+            run.fill_in(case.flow.page("survey"))
     return run.rows
 
 
@@ -96,7 +101,7 @@ class _Run:
         self.make_robot = make_robot
         self.traits: Traits = draw_traits(case.population, stream(case.seed, "traits"))
         self.plan: SessionPlan = plan_session(study, case.order, case.seed)
-        self.session: Session = protocol.new_session(case.participant, len(study.conditions), study.skips)
+        self.session: Session = case.flow.new_session(case.participant, len(study.conditions), case.flow.skips(study))
         self.rows: Record = {name: [] for name in TABLES}
         self.now_s = FIRST_DAY_UNIX_S + 86_400.0 * case.index
         self.tick: int | None = None
@@ -107,48 +112,51 @@ class _Run:
     def run(self) -> Record:
         """From consent to thanks."""
         created = self.utc
-        steps: Mapping[str, Callable[[], None]] = {
-            "eligibility": lambda: self.advance(Event("eligible")),
-            "consent": lambda: self.form("consent", {"accepted": True, "hash": self.case.setup.study.consent.hash}),
-            "demographics": self.demographics,
-            "setup": lambda: self.form("setup", {"device": "gamepad", "pad_id": "simulated", "sound": True}),
-            "instructions": lambda: self.form(
-                "instructions", {"answers": dict(comprehension_answers(self.case.setup.study))}
-            ),
-            "practice_ready": lambda: self.form("start", {}),
-            "practice": self.practice,
-            "trial_ready": lambda: self.form("start", {}),
-            "trial": self.trial,
-            "survey": self.survey,
-            "break": lambda: self.form("continue", {}),
-            "debrief": lambda: self.form("debrief", {"answers": {}}),
-        }
+        driving: Mapping[str, Callable[[], None]] = {"practice": self.practice, "trial": self.trial}
         while not self.session.is_over:
-            steps[self.session.state]()
+            page = self.case.flow.page(self.session.state)
+            if page.state in driving:
+                driving[page.state]()
+            else:
+                self.fill_in(page)
         self.rows["participants"].append(self._participant_row(created))
         return self.rows
 
     # ---- forms --------------------------------------------------------------------------------------------------
 
+    def fill_in(self, page: FlowPage) -> None:
+        """Hand in what the page's script says; a page that asks this person nothing is passed by."""
+        study, before = self.case.setup.study, self.session
+        person = SimulatedPerson(study, self.traits, self.felt, self._stream_of(page))
+        given = page.scripted(page.content(before, PageContext(study)), person) if page.scripted else None
+        if given is not None:
+            self.form(given.step, given.data)
+        elif page.leads_on is not None:
+            self.advance(Event(page.leads_on))
+        if self.session == before:
+            raise LabError(f"page {page.state!r}: what a scripted client hands in leads nowhere")
+
+    def _stream_of(self, page: FlowPage) -> np.random.Generator:
+        """A stream for each page and trial, so that one page more changes no other answer."""
+        seed, trial = self.case.seed, self.session.trial
+        if page.state == "survey":
+            return stream(seed, "survey", trial)
+        if page.state == "demographics":
+            return stream(seed, "forms")
+        return stream(seed, "page", trial, zlib.crc32(page.state.encode()))
+
     def form(self, step: str, data: Mapping[str, Any]) -> None:
         """Submit a step just as a page does; the same checks apply."""
         self.now_s += FORM_S
         condition = self.plan.trial(self.session.trial).condition
-        outcome = STEPS[step](StepContext(self.case.setup.study, self.session, condition, self.utc), data)
+        context = StepContext(self.case.setup.study, self.session, condition, self.utc)
+        outcome = self.case.flow.steps[step](context, data)
         self.event(f"step_{step}", "participant", dict(outcome.log or {}))
         if outcome.consent_hash:
             self.consent = (self.utc, outcome.consent_hash)
         self.rows["survey_answers"] += outcome.answers
         if outcome.event is not None:
             self.advance(outcome.event)
-
-    def demographics(self) -> None:
-        answers = demographic_answers(self.case.setup.study, stream(self.case.seed, "forms"))
-        self.form("demographics", {"answers": answers})
-
-    def survey(self) -> None:
-        rng = stream(self.case.seed, "survey", self.session.trial)
-        self.form("survey", {"answers": survey_answers(self.case.setup.study, self.traits, self.felt, rng)})
 
     # ---- practice and trial -------------------------------------------------------------------------------------
 
@@ -197,7 +205,7 @@ class _Run:
     def advance(self, event: Event) -> None:
         """Take an event of the protocol and log it as the lab does."""
         before = self.session
-        self.session, _ = protocol.advance(before, event, self.now_s)
+        self.session, _ = self.case.flow.advance(before, event, self.now_s)
         self.event(
             "state",
             "lab",

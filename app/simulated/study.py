@@ -34,6 +34,7 @@ from app.trial.setup import StudySetup, study_setup
 from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
 from study.export.export import write_tables
+from study.flow.flow import FLOW, Flow
 from study.records import SCHEMA_VERSION, TABLES
 from study.store import machine_fingerprint
 
@@ -53,6 +54,7 @@ class Plan:
     seed: int
     robot: str = "kinematic"
     population: Population = field(default_factory=Population)
+    flow: Flow = FLOW
     trust: bool = False
     """Whether code that the study's text holds from files beside the study file may run."""
 
@@ -60,7 +62,8 @@ class Plan:
         """Participant `index`, from 0: orders in turn, so that every six fill the counterbalancing once."""
         setup = setup_of(self.study_text, self.trust)
         choices = orders(setup.study)
-        return Case(setup, index, participant_seed(self.seed, index), choices[index % len(choices)], self.population)
+        order = choices[index % len(choices)]
+        return Case(setup, index, participant_seed(self.seed, index), order, self.population, self.flow)
 
     def run(self, index: int) -> Record:
         """Simulate that participant."""
@@ -68,7 +71,9 @@ class Plan:
 
     def settings(self) -> dict[str, Any]:
         """Everything the bytes depend on, for the record and for resuming."""
+        own = self.flow.states != FLOW.states
         return {
+            **({"pages": list(self.flow.states)} if own else {}),
             "seed": self.seed,
             "robot": self.robot,
             "study": setup_of(self.study_text, self.trust).study.hash,
@@ -83,7 +88,14 @@ def setup_of(study_text: str, trust: bool = False) -> StudySetup:
     return study_setup(parse_text(study_text, "the study simulated", trust), trust)
 
 
-def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None = None, trust: bool = False) -> Plan:
+def make_plan(
+    seed: int,
+    robot: str,
+    preset: str | None,
+    study_file: Path | None = None,
+    trust: bool = False,
+    flow: Flow = FLOW,
+) -> Plan:
     """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`, and
     `PartError` for a part that cannot be used."""
     ROBOTS.place_of(robot)  # says which there are
@@ -91,7 +103,7 @@ def make_plan(seed: int, robot: str, preset: str | None, study_file: Path | None
         raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
     study: Study = changed_study(open_study(study_file, trust), preset_changes(preset), trust)
     setup_of(study.source_text, trust)  # what cannot be used is told before any work
-    return Plan(study.source_text, seed, robot, fitted_population(), trust)
+    return Plan(study.source_text, seed, robot, fitted_population(), flow, trust)
 
 
 def participant_seed(seed: int, index: int) -> int:

@@ -22,8 +22,8 @@ import numpy as np
 
 from app.errors import LabError
 
-Purpose = Literal["traits", "practice", "trial", "alerts", "survey", "forms"]
-_PURPOSES: tuple[Purpose, ...] = ("traits", "practice", "trial", "alerts", "survey", "forms")
+Purpose = Literal["traits", "practice", "trial", "alerts", "survey", "forms", "page"]
+_PURPOSES: tuple[Purpose, ...] = ("traits", "practice", "trial", "alerts", "survey", "forms", "page")
 _NO_TRIAL = 0
 """First key of every stream here. The plan of a session uses the trial's number, from 1, in that place."""
 

@@ -12,12 +12,12 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from fastapi import WebSocket, WebSocketDisconnect
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from starlette.requests import HTTPConnection
 
 from app.session.interfaces import Role
 from app.session.session import LiveSession
-from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Message
+from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, ClientMessage, Error, Hello, Message
 
 HELLO_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 2.0
@@ -97,8 +97,13 @@ def same_origin(request: HTTPConnection, public_url: str | None) -> bool:
     return host == request.headers.get("host") or (public_url is not None and host == urlsplit(public_url).netloc)
 
 
-async def serve(websocket: WebSocket, session: LiveSession, role: Role) -> None:
-    """Speak the protocol on an accepted socket until either side leaves."""
+async def serve(
+    websocket: WebSocket,
+    session: LiveSession,
+    role: Role,
+    taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE,
+) -> None:
+    """Speak the protocol on an accepted socket until either side leaves. `taken` is what a page may say."""
     try:
         hello = await asyncio.wait_for(_hello(websocket), HELLO_WITHIN_S)
     except asyncio.TimeoutError:
@@ -110,7 +115,7 @@ async def serve(websocket: WebSocket, session: LiveSession, role: Role) -> None:
     client = SocketClient(websocket, role, hello)
     session.attach(client)
     sending = asyncio.create_task(client.send_all())
-    receiving = asyncio.create_task(_receive_all(websocket, session, client))
+    receiving = asyncio.create_task(_receive_all(websocket, session, client, taken))
     cut_off = asyncio.create_task(client.cut_off())
     tasks = (sending, receiving, cut_off)
     try:
@@ -139,10 +144,12 @@ async def _hello(websocket: WebSocket) -> Hello:
         await websocket.send_text(message.model_dump_json())
 
 
-async def _receive_all(websocket: WebSocket, session: LiveSession, client: SocketClient) -> None:
+async def _receive_all(
+    websocket: WebSocket, session: LiveSession, client: SocketClient, taken: TypeAdapter[ClientMessage]
+) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         while True:
-            message = parse(await _text(websocket))
+            message = parse(await _text(websocket), taken)
             if isinstance(message, Error):
                 client.deliver(message)
             elif isinstance(message, Hello):
@@ -159,7 +166,7 @@ async def _text(websocket: WebSocket) -> str | bytes:
     return text if text is not None else received.get("bytes", b"")
 
 
-def parse(text: str | bytes) -> Message:
+def parse(text: str | bytes, taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE) -> Message:
     """A client's message, or the `Error` that answers it."""
     if isinstance(text, bytes):
         return Error(code="malformed", field=None, message="messages are text frames with JSON")
@@ -180,7 +187,7 @@ def parse(text: str | bytes) -> Message:
         field, problem = unsound
         return Error(code="invalid", field=field, message=problem, id=identifier)
     try:
-        message: Message = CLIENT_MESSAGE.validate_python(data)
+        message: Message = taken.validate_python(data)
     except ValidationError as error:
         return _refusal(error, identifier)
     return message

@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.exception_handlers import http_exception_handler
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
@@ -28,6 +28,7 @@ from app.web.arbiter_api import add_arbiter_api
 from app.web.dashboard_frames import add_dashboard_frames
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
+from app.web.participant_views import own_views, with_views
 from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
@@ -91,6 +92,7 @@ def create_app(lab: Lab) -> FastAPI:
     _add_pages(app, lab)
     _add_sockets(app, lab)
     app.add_middleware(Prefixed, lab=lab)
+    _add_views(app, lab)
     app.mount("/static", ServedFiles(directory=STATIC), name="static")
     return app
 
@@ -146,7 +148,8 @@ def _too_large(request: Request) -> Response | None:
 def _add_pages(app: FastAPI, lab: Lab) -> None:
     def page(name: str, status: int = 200) -> Response:
         """A page of ours; its addresses begin with the lab's prefix."""
-        text = (STATIC / name).read_text(encoding="utf-8").replace('="/', f'="{prefix(lab)}/')
+        text = with_views((STATIC / name).read_text(encoding="utf-8"), lab.flow)
+        text = text.replace('="/', f'="{prefix(lab)}/')
         headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
         return HTMLResponse(text, status, headers=headers)
 
@@ -208,6 +211,18 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
         return Response(status_code=204)
 
 
+def _add_views(app: FastAPI, lab: Lab) -> None:
+    """Views of pages of one's own, beside those in static/."""
+
+    def serve_file(address: str, file: Path) -> None:
+        @app.get(address, include_in_schema=False)
+        async def view() -> Response:
+            return FileResponse(file, media_type="text/javascript", headers={"Cache-Control": "no-cache"})
+
+    for address, file in own_views(lab.flow, STATIC).items():
+        serve_file(address, file)
+
+
 def _add_sockets(app: FastAPI, lab: Lab) -> None:
     async def admitted(websocket: WebSocket, public_id: str, role: Role) -> LiveSession | None:
         """The session a socket belongs to; otherwise the handshake is answered with 403."""
@@ -238,7 +253,7 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
             agent = websocket.headers.get("user-agent", "")[:300]
             await lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
             await websocket.accept()
-            await sockets.serve(websocket, session, role)
+            await sockets.serve(websocket, session, role, lab.client_message)
 
     @app.websocket("/s/{public_id}/socket")
     async def participant_socket(websocket: WebSocket, public_id: str) -> None:

@@ -18,9 +18,8 @@ from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
-from app.wire import CLIENT_MESSAGE, PROTOCOL_VERSION, SERVER_MESSAGE
+from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
-from study.flow.protocol import allowed
 from study.flow.roster import EnrolmentKind
 from study.store import StoredSession
 
@@ -139,11 +138,11 @@ async def health(lab: TheLab) -> dict[str, str]:
 
 
 @public.get("/protocol")
-async def protocol_schemas() -> dict[str, Any]:
+async def protocol_schemas(lab: TheLab) -> dict[str, Any]:
     """JSON schemas of every message on a participant's WebSocket."""
     return {
         "protocol": PROTOCOL_VERSION,
-        "client": CLIENT_MESSAGE.json_schema(),
+        "client": lab.client_message.json_schema(),
         "server": SERVER_MESSAGE.json_schema(),
     }
 
@@ -183,6 +182,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session
     view = live.view if live else None
+    now = live.circumstances if live else Circumstances(session, flow=lab.flow)
     return SessionReply(
         participant=stored.participant,
         label=label,
@@ -207,8 +207,8 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         overruns=live.vitals.overruns if live else 0,
         device=live.vitals.device if live else None,
         created_utc=stored.created_utc,
-        allowed=list(allowed(session)),
-        why_not={act: why_not(act, live.circumstances if live else Circumstances(session)) for act in ACTS},
+        allowed=list(now.allowed),
+        why_not={act: why_not(act, now) for act in ACTS},
     )
 
 

@@ -57,7 +57,7 @@ const COLUMNS = ["Participant", "State", "Trial", "Task", "Connection", "Remarks
  * @returns {string}
  */
 export function stateWords(state) {
-  return STATES[state] ?? state;
+  return STATES[state] ?? state.charAt(0).toUpperCase() + state.slice(1).replaceAll("_", " ");
 }
 
 /**

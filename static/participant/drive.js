@@ -5,10 +5,10 @@ import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
 import { legendFor } from "./controls.js";
-import { pausedView } from "./forms.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { Scene } from "./scene.js";
+import { view as pausedView } from "./views/paused.js";
 
 /** @import { Instruction, Status, Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { IconName } from "../common/dom.js" */

@@ -10,18 +10,6 @@ import { Sound } from "../readings/sound.js";
 import { LabSocket } from "../wire/socket.js";
 import { legendFor } from "./controls.js";
 import { DriveView } from "./drive.js";
-import { eligibilityView } from "./eligibility.js";
-import {
-  breakView,
-  consentView,
-  debriefView,
-  demographicsView,
-  endView,
-  instructionsView,
-  pausedView,
-} from "./forms.js";
-import { setupView } from "./setup.js";
-import { surveyView } from "./survey.js";
 
 /** @import { Page } from "../../tests/javascript/wire.d.ts" */
 /** @import { ConnectionState, Question } from "../common/shell.js" */
@@ -29,22 +17,8 @@ import { surveyView } from "./survey.js";
 /** @import { Context, PageOf, View } from "./view.js" */
 /** @typedef {(context: Context, page: PageOf<never, never>) => View} MakesView each takes the content of its own state */
 
-/** @type {Record<string, MakesView>} */
-const VIEWS = {
-  eligibility: eligibilityView,
-  consent: consentView,
-  demographics: demographicsView,
-  setup: setupView,
-  instructions: instructionsView,
-  survey: surveyView,
-  break: breakView,
-  debrief: debriefView,
-  done: endView,
-  withdrawn: endView,
-  aborted: endView,
-  screened_out: endView,
-  paused: pausedView,
-};
+/** @type {Map<string, MakesView>} */
+const views = new Map();
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 
@@ -110,8 +84,24 @@ function showPage(page) {
   }
   const identity = `${page.state}:${page.trial}:${JSON.stringify(page.content)}`;
   if (identity === shown) return; // the same page again after a reconnect: what was typed stays
-  const makesView = VIEWS[page.state] ?? unknownView;
+  const makesView = views.get(page.state) ?? unknownView;
   replace(makesView(context, /** @type {PageOf<never, never>} */ (page)), identity);
+}
+
+/**
+ * The views of the study's pages, before the first of them is shown: the lab names them in this document.
+ *
+ * @returns {Promise<void>}
+ */
+async function loadViews() {
+  /** @type {NodeListOf<HTMLLinkElement>} */
+  const links = document.querySelectorAll("link[data-state]");
+  await Promise.all(
+    Array.from(links, async (link) => {
+      const { view } = await import(link.href);
+      views.set(link.dataset.state ?? "", view);
+    }),
+  );
 }
 
 /** @type {MakesView} */
@@ -175,6 +165,13 @@ async function stop() {
   if (reason !== null) socket.submit("withdraw", { reason: reason || null }).catch(() => {});
 }
 
+/** @returns {HTMLButtonElement} */
+function reloadButton() {
+  const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
+  reload.addEventListener("click", () => location.reload());
+  return reload;
+}
+
 /**
  * @param {ConnectionState} state
  * @returns {void}
@@ -189,8 +186,6 @@ function final(state) {
     shown = null;
     socket.takeOver();
   });
-  const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
-  reload.addEventListener("click", () => location.reload());
   /** @type {Partial<Record<ConnectionState, Parameters<typeof card>[0]>>} */
   const pages = {
     superseded: {
@@ -208,7 +203,7 @@ function final(state) {
     outdated: {
       title: "This page is out of date",
       lines: ["The lab has been updated. Reload the page to go on; nothing is lost."],
-      actions: [reload],
+      actions: [reloadButton()],
       testid: "page-outdated",
     },
   };
@@ -269,7 +264,22 @@ replace(
   },
   "connecting",
 );
-socket.connect();
+loadViews().then(
+  () => socket.connect(),
+  () =>
+    replace(
+      {
+        element: card({
+          title: "This page is not complete",
+          lines: ["A part of it could not be loaded. Nothing is lost; reload the page to go on."],
+          sign: "warning",
+          actions: [reloadButton()],
+          testid: "page-incomplete",
+        }),
+      },
+      "incomplete",
+    ),
+);
 
 // For tests, and for whoever opens the console.
 window.salab = {

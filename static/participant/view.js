@@ -28,7 +28,7 @@
  * @property {(open: boolean) => void} [dialog] called when a dialog comes over it, or goes
  */
 /**
- * The lab's word on what to show, with the content of its state (app/session/pages.py).
+ * The lab's word on what to show, with the content of its state (study/flow/pages).
  *
  * @template Content
  * @template {string} [State=string]

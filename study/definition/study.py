@@ -163,17 +163,6 @@ class Study(Part):
         """A pickup and a dropoff for each object moved."""
         return 2 * self.pickups_per_trial
 
-    @property
-    def skips(self) -> frozenset[str]:
-        """States of the session that this study leaves out (see `study.flow.protocol`)."""
-        present = {
-            "eligibility": self.eligibility != Eligibility(),
-            "demographics": bool(self.demographics),
-            "practice_ready": self.practice,
-            "survey": bool(self.surveys),
-        }
-        return frozenset(state for state, kept in present.items() if not kept)
-
     def condition(self, condition_id: str) -> Condition:
         """The condition of that id; `StudyError` names the ones there are."""
         for condition in self.conditions:

@@ -8,8 +8,9 @@ import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.definition.study import Study, next_order
+from study.flow.flow import Flow
 from study.flow.open_link import IDENTITY_PREFIX, ids_among
-from study.flow.protocol import FREES_CELL, from_json, new_session, to_json
+from study.flow.protocol import FREES_CELL, to_json
 from study.flow.roster import EnrolmentKind
 from study.records import SCHEMA_VERSION, ParticipantRow
 from study.store.rows import add, clean_text, insert
@@ -24,6 +25,7 @@ ORDER_SEPARATOR = ">"
 def enrol(
     connection: sql.Connection,
     study: Study,
+    flow: Flow,
     *,
     seed: int,
     public_id: str,
@@ -55,7 +57,7 @@ def enrol(
     )
     number = inserted.lastrowid
     participant = f"{ID_LETTER[kind]}{number:03d}"
-    session = new_session(participant, len(chosen), study.skips)
+    session = flow.new_session(participant, len(chosen), flow.skips(study))
     connection.execute(
         SESSIONS.update()
         .where(SESSIONS.c.number == number)
@@ -106,7 +108,7 @@ def free_cell(connection: sql.Connection, participant: str) -> bool:
 
 
 def stored_sessions(
-    connection: sql.Connection, *, participant: str | None = None, public_id: str | None = None
+    connection: sql.Connection, flow: Flow, *, participant: str | None = None, public_id: str | None = None
 ) -> tuple[StoredSession, ...]:
     """Everyone of this id or public id, in order of enrolment."""
     query = sql.select(SESSIONS).order_by(SESSIONS.c.number)
@@ -118,7 +120,7 @@ def stored_sessions(
         StoredSession(
             participant=row.participant,
             public_id=row.public_id,
-            session=from_json(row.session),
+            session=flow.from_json(row.session),
             order=tuple(row.condition_order.split(ORDER_SEPARATOR)),
             kind=row.kind,
             pace=row.pace,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from study.definition.study import Study, plan_session
+from study.flow.flow import FLOW, Flow
 from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
 from study.store import erasure, migration, participants, progress, rows
@@ -19,21 +20,22 @@ from study.store.snapshot import Snapshot
 from study.store.values import Batch, Cycle, StoredSession, StoreError
 
 
-def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False) -> Store:
+def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False, flow: Flow = FLOW) -> Store:
     """Open the database of a data folder, made when it is not there.
 
     `exclusive` is for the lab that serves: a second one on the same folder is refused. `must_exist` is for the
-    export. Raises `StoreError` with one line for a folder or file that cannot be used, a foreign or damaged file,
-    or another schema version.
+    export. `flow` holds the pages that participants go through. Raises `StoreError` with one line for a folder or file
+    that cannot be used, a foreign or damaged file, or another schema version.
     """
-    return Store(open_database(Path(data_dir), exclusive=exclusive, must_exist=must_exist))
+    return Store(open_database(Path(data_dir), exclusive=exclusive, must_exist=must_exist), flow)
 
 
 class Store:
     """An open database. Made by `open_store`; close it, or use it in `with`."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, flow: Flow = FLOW) -> None:
         self._database = database
+        self._flow = flow
 
     @property
     def path(self) -> Path:
@@ -74,7 +76,15 @@ class Store:
             plan_session(study, tuple(order), seed)
         with self._database.write() as connection:
             participant = participants.enrol(
-                connection, study, seed=seed, public_id=public_id, utc=utc, kind=kind, pace=pace, order=order
+                connection,
+                study,
+                self._flow,
+                seed=seed,
+                public_id=public_id,
+                utc=utc,
+                kind=kind,
+                pace=pace,
+                order=order,
             )
             for role, sha256 in (tokens or {}).items():
                 participants.add_token(connection, participant, role, sha256, utc)
@@ -85,7 +95,7 @@ class Store:
     def session(self, participant: str) -> StoredSession:
         """One participant; `StoreError` when there is none of that id."""
         with self._database.read() as connection:
-            found = participants.stored_sessions(connection, participant=participant)
+            found = participants.stored_sessions(connection, self._flow, participant=participant)
         if not found:
             raise StoreError(f"no participant {participant!r}")
         return found[0]
@@ -93,7 +103,7 @@ class Store:
     def sessions(self) -> tuple[StoredSession, ...]:
         """Everyone, demo included, in order of enrolment."""
         with self._database.read() as connection:
-            return participants.stored_sessions(connection)
+            return participants.stored_sessions(connection, self._flow)
 
     def study_text(self, study_hash: str) -> str:
         """The study file that participants were enrolled with, by its SHA-256; `StoreError` when there is none."""

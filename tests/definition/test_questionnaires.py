@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.session.pages import PageContext, page
-from app.simulated.answers import Experience, survey_answers
+from app.session.pages import page
+from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.traits import Population, draw_traits
 from study.analysis.analysis import analyse
 from study.analysis.dataset import load as load_data
@@ -20,8 +20,10 @@ from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_st
 from study.definition.toml_reader import parse_toml
 from study.export.export import write_tables
 from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
+from study.flow.page import PageContext
 from study.flow.protocol import Session
 from tests.support.analysis_samples import data_set
+from tests.support.flow_cases import handed_in
 from tests.support.study_samples import UTC
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
@@ -88,7 +90,7 @@ def test_it_is_asked_in_its_place_with_its_own_words(study: Study) -> None:
 
 def test_the_page_shows_it_without_direction_and_scoring(study: Study) -> None:
     session = Session("P001", trials=3, state="survey")
-    shown = page(session, PageContext(study, "/s/x/scene/", None, None, True)).content["instruments"]
+    shown = page(session, PageContext(study, "/s/x/scene/", worker_ready=True)).content["instruments"]
     assert [form["id"] for form in shown] == ["trust", "tlx_raw"]
     assert shown[0]["points"] == 5
     assert shown[0]["items"][1] == {
@@ -116,7 +118,8 @@ def test_answers_are_held_to_its_items_and_points(study: Study) -> None:
 
 def test_simulated_participants_answer_it(study: Study) -> None:
     rng = np.random.default_rng(1)
-    answers = survey_answers(study, draw_traits(Population(), rng), Experience(7.0, 0, 0, 0.0), rng)
+    person = SimulatedPerson(study, draw_traits(Population(), rng), Experience(7.0, 0, 0, 0.0), rng)
+    answers = handed_in(study, "survey", person)["answers"]
     assert list(answers["trust"]) == ["reliable", "unpredictable"]
     assert validate_surveys(study, answers) == ()
 

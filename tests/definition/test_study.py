@@ -26,6 +26,7 @@ from study.definition.study import (
     parse_study,
     plan_session,
 )
+from study.flow.flow import FLOW
 from study.records import StudyError
 from tests.support.study_samples import BINS, OBJECTS, shipped_study
 
@@ -64,7 +65,7 @@ def test_the_shipped_study_is_the_papers(study: Study) -> None:
     assert not study.show_assistance
     assert len(study.instructions.questions) == 3
     assert study.surveys == ("sus_modified", "tlx_raw")
-    assert study.skips == {"eligibility"}  # it asks nothing of a device
+    assert FLOW.skips(study) == {"eligibility"}  # it asks nothing of a device
 
 
 def test_the_shipped_study_fits_the_simulated_world() -> None:
@@ -222,7 +223,7 @@ def test_a_study_without_practice_demographics_and_surveys_skips_them() -> None:
         "practice = true", "practice = false"
     )
     start, end = text.index("[[demographics]]"), text.index("[instructions]")
-    assert parse(text[:start] + text[end:]).skips == {"eligibility", "demographics", "practice_ready", "survey"}
+    assert FLOW.skips(parse(text[:start] + text[end:])) == {"eligibility", "demographics", "practice_ready", "survey"}
 
 
 # ---- conditions

@@ -15,7 +15,7 @@ import pytest
 
 from study.definition.study import parse_study
 from study.export.export import ExportError, export, export_zip, read_meta, read_table, write_tables
-from study.flow.protocol import advance
+from study.flow.flow import FLOW
 from study.records import SCHEMA_VERSION, TABLES, StudyError, columns
 from study.store import Batch, ConsentGiven, Store, open_store
 from tests.support.study_samples import (
@@ -43,7 +43,7 @@ def fill(store: Store, public_id: str, **options: Any) -> str:
     who = session.participant
     store.commit(
         Batch(
-            session=advance(session.session, "consent_given", 0.0)[0],
+            session=FLOW.advance(session.session, "consent_given", 0.0)[0],
             consent=ConsentGiven(UTC, "c" * 64),
             ticks=tuple(tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)),
             practice_ticks=(tick_row(who, 0),),

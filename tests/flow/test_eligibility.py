@@ -21,8 +21,9 @@ from study.flow.eligibility import (
     shortcomings,
     tones_of,
 )
-from study.flow.protocol import Event, new_session
-from study.flow.steps import STEPS, Refused, StepContext
+from study.flow.flow import FLOW
+from study.flow.page import Refused, StepContext
+from study.flow.protocol import Event
 from tests.support.study_samples import shipped_study
 
 ALL = Eligibility(
@@ -127,8 +128,8 @@ def test_browsers_are_told_apart_though_they_claim_to_be_each_other(user_agent: 
 
 def take(name: str, data: dict[str, Any], rules: Eligibility, state: Any = "eligibility", **known: Any) -> Any:
     study = shipped_study().model_copy(update={"eligibility": rules})
-    session = replace(new_session("P001", 3), state=state)
-    return STEPS[name](StepContext(study, session, "balanced", "", public_id="4f2a", **known), data)
+    session = replace(FLOW.new_session("P001", 3), state=state)
+    return FLOW.steps[name](StepContext(study, session, "balanced", "", public_id="4f2a", **known), data)
 
 
 def test_what_is_recorded_of_a_device_is_what_was_asked_for_and_does_not_tell_it_from_its_like() -> None:

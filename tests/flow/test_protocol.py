@@ -1,4 +1,4 @@
-"""The protocol's table, driven with plain values: what is allowed when, and what has to happen."""
+"""The shipped flow, driven with plain values: what is allowed when, and what has to happen."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from study.flow.flow import FLOW
 from study.flow.protocol import (
-    EVENTS,
     FREES_CELL,
-    INTERVENTIONS,
     NEEDS,
-    RULES,
-    SKIPPABLE,
-    STATES,
     TERMINAL,
     BeginTicks,
     Effect,
@@ -30,15 +26,19 @@ from study.flow.protocol import (
     StartWorker,
     State,
     StopWorker,
-    advance,
-    allowed,
-    from_json,
-    new_session,
-    restore,
     to_json,
 )
 from study.records import StudyError
 
+STATES, EVENTS, SKIPPABLE = FLOW.states, FLOW.events, FLOW.skippable
+RULES, INTERVENTIONS = FLOW.rules, FLOW.interventions
+advance, allowed, from_json, new_session, restore = (
+    FLOW.advance,
+    FLOW.allowed,
+    FLOW.from_json,
+    FLOW.new_session,
+    FLOW.restore,
+)
 TO_TRIAL: tuple[EventName, ...] = (
     "consent_given",
     "demographics_done",
@@ -350,3 +350,31 @@ def test_every_state_can_be_reached_and_left() -> None:
     assert {state for state, _ in INTERVENTIONS} | set(INTERVENTIONS.values()) <= reached
     assert {state for state, _ in RULES} | TERMINAL | {"paused"} == set(STATES)
     assert set(NEEDS) <= set(STATES)
+
+
+def test_the_whole_table_is_the_one_participants_have_always_gone_through() -> None:
+    """Derived from the pages, and told here as a table."""
+    assert RULES == {
+        ("eligibility", "eligible"): "consent",
+        ("eligibility", "screened_out"): "screened_out",
+        ("consent", "consent_given"): "demographics",
+        ("consent", "consent_declined"): "withdrawn",
+        ("demographics", "demographics_done"): "setup",
+        ("setup", "setup_done"): "instructions",
+        ("instructions", "instructions_done"): "practice_ready",
+        ("practice_ready", "start"): "practice",
+        ("practice", "practice_done"): "trial_ready",
+        ("trial_ready", "start"): "trial",
+        ("trial", "trial_done"): "survey",
+        ("survey", "survey_done"): "break",  # debrief after the last trial
+        ("break", "continue"): "practice_ready",  # of the next trial
+        ("debrief", "debrief_done"): "done",
+    }
+    assert INTERVENTIONS == {("trial_ready", "repeat_practice"): "practice_ready", ("trial", "abort_trial"): "survey"}
+    assert {"eligibility", "demographics", "practice_ready", "survey"} == SKIPPABLE
+    assert (
+        *("eligible", "screened_out", "consent_given", "consent_declined", "demographics_done", "setup_done"),
+        *("instructions_done", "start", "practice_done", "trial_done", "survey_done", "continue", "debrief_done"),
+        *("connection_lost", "resume", "experimenter_pause", "experimenter_resume", "repeat_practice", "abort_trial"),
+        *("withdraw", "abort"),
+    ) == EVENTS

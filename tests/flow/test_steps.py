@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.flow.protocol import Event, EventName, new_session
-from study.flow.steps import STEPS, AlertData, Outcome, Refused, StepContext, parse
+from study.flow.flow import FLOW
+from study.flow.page import Outcome, Refused, StepContext, parse
+from study.flow.protocol import Event, EventName
+from study.flow.steps import AlertData
 from tests.support.study_samples import shipped_study
 
-STUDY = shipped_study()
+STUDY, STEPS = shipped_study(), FLOW.steps
 UTC = "2026-01-01T00:00:00.000Z"
-CONTEXT = StepContext(STUDY, replace(new_session("p07", 3), trial=2), "balanced", UTC, lacking=("webgl",))
+CONTEXT = StepContext(STUDY, replace(FLOW.new_session("p07", 3), trial=2), "balanced", UTC, lacking=("webgl",))
 
 DEMOGRAPHICS = {item.id: item.options[0].id for item in STUDY.demographics if item.required}
 COMPREHENSION = {question.id: question.correct for question in STUDY.instructions.questions}

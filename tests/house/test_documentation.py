@@ -40,7 +40,8 @@ from study.definition.part_fields import model_of
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
 from study.definition.study import Study
 from study.definition.toml_reader import model_problems
-from study.flow.protocol import TERMINAL, State
+from study.flow.flow import FLOW
+from study.flow.protocol import TERMINAL
 from study.flow.steps import STEP_DATA
 from study.records import TABLES, codebook
 
@@ -253,7 +254,7 @@ def test_the_dialogue_of_a_client_is_what_can_be_said() -> None:
 def test_every_state_of_a_session_is_in_the_table_of_steps_or_ends_it() -> None:
     page = PAGES["docs/how-to/drive-headless.md"].split("| page's state | step that leads on |")[1].split("\n\n")[0]
     states = {span for row in rows_of(page) for span in spans_of(row[0])}
-    assert states | TERMINAL == set(get_args(State))
+    assert states | TERMINAL == set(FLOW.states)
     assert {span for row in rows_of(page) for span in spans_of(row[1])} - {"status", "ready", "input"} <= {
         *STEP_DATA,
         "content.can_resume",

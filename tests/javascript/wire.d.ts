@@ -149,7 +149,7 @@ export interface Notice {
   text: string;
 }
 
-/** What the participant should see now. `content` holds what that state needs (see `app.session.pages`). */
+/** What the participant should see now. `content` holds what that state needs (see `study.flow.pages`). */
 export interface Page {
   type: "page";
   state: string;

@@ -18,7 +18,8 @@ import pytest
 from app.session.commands import ACTS, EVENTS, Circumstances, why_not
 from app.simulated.bot import Bot, enter, open_wire
 from app.wire import Error, Heartbeat, Notice, Page, Status
-from study.flow.protocol import TERMINAL, Event, Session, advance, allowed, new_session
+from study.flow.flow import FLOW
+from study.flow.protocol import TERMINAL, Event, Session
 from study.records import EventRow, TickRow
 from tests.session.test_pages import every_session
 from tests.support.lab_server import LabServer
@@ -44,7 +45,7 @@ def test_an_act_is_offered_just_where_the_protocol_takes_it() -> None:
         now = Circumstances(session, connected=True, ready=True)
         for act, event in EVENTS.items():
             again = act == "pause" and "experimenter" in session.causes  # taken, but of no use
-            possible = event in allowed(session) and not again
+            possible = event in FLOW.allowed(session) and not again
             assert (why_not(act, now) == "") == possible, (session, act)
         for offered in ACTS:
             reason = why_not(offered, now)
@@ -60,8 +61,8 @@ def test_an_act_is_offered_just_where_the_protocol_takes_it() -> None:
         ({"lacks_panel": True}, "second device"),
         ({"session": Session("P001", 3, "trial")}, "started already"),
         ({"session": Session("P001", 3, "survey")}, "Nothing waits"),
-        ({"session": advance(Session("P001", 3, "trial_ready"), "experimenter_pause", 0.0)[0]}, "Resume it first"),
-        ({"session": advance(new_session("P001", 3), "abort", 0.0)[0]}, "over"),
+        ({"session": FLOW.advance(Session("P001", 3, "trial_ready"), "experimenter_pause", 0.0)[0]}, "Resume it first"),
+        ({"session": FLOW.advance(FLOW.new_session("P001", 3), "abort", 0.0)[0]}, "over"),
     ],
 )
 def test_a_start_needs_page_robot_and_second_device(changes: dict[str, Any], says: str) -> None:
@@ -278,5 +279,6 @@ def test_the_words_of_a_rejection_are_gone_with_the_participant(quick_lab: LabSe
 
 def test_an_event_of_the_protocol_takes_no_words_from_here() -> None:
     """What the lab itself says about a pause is kept with the state; nobody else's words are."""
-    paused, _ = advance(new_session("P001", 1), Event("experimenter_pause", "the robot's process keeps ending"), 0.0)
+    reason = "the robot's process keeps ending"
+    paused, _ = FLOW.advance(FLOW.new_session("P001", 1), Event("experimenter_pause", reason), 0.0)
     assert paused.reason == "the robot's process keeps ending"

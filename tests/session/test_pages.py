@@ -8,14 +8,16 @@ from typing import Literal
 
 import pytest
 
-from app.session.pages import FAILURES, VIEWS, PageContext, instruction, notice, page, tick_message
+from app.session.pages import FAILURES, VIEWS, instruction, notice, page, tick_message
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
 from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
-from study.flow.protocol import STATES, Cause, Event, EventName, Outcome, Session, State, advance, new_session
+from study.flow.flow import FLOW
+from study.flow.page import PageContext
+from study.flow.protocol import Cause, Event, EventName, Outcome, Session, State
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import Person, drive, opened, paper_study, practice_setup, trial_setup
 from tests.support.study_samples import shipped_study
@@ -30,7 +32,9 @@ SECRET = re.compile(
 
 
 def context(study: Study = STUDY, shown: Instruction | None = None) -> PageContext:
-    return PageContext(study, "/s/abc/scene/", "http://127.0.0.1/d/token", shown, worker_ready=True)
+    task = shown.model_dump() if shown else None
+    link = "http://127.0.0.1/d/token"
+    return PageContext(study, "/s/abc/scene/", link, task, worker_ready=True, views=VIEWS)
 
 
 LEADS_ON: dict[str, EventName] = {
@@ -51,7 +55,7 @@ LEADS_ON: dict[str, EventName] = {
 
 def every_session() -> list[Session]:
     """Every state of a whole study of three trials, paused by each cause wherever that can be, and every end."""
-    session, found = new_session("p01", 3), []
+    session, found = FLOW.new_session("p01", 3), []
     while True:
         found.append(session)
         if session.is_over:
@@ -61,12 +65,12 @@ def every_session() -> list[Session]:
         for events in pauses:
             other = session
             for name in events:
-                other, _ = advance(other, name, 0.0)
+                other, _ = FLOW.advance(other, name, 0.0)
             found.append(other)
-        found += [advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]
+        found += [FLOW.advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]
         if session.state == "eligibility":
-            found.append(advance(session, Event("screened_out", '["webgl"]'), 0.0)[0])
-        session, _ = advance(session, LEADS_ON[session.state], 0.0)
+            found.append(FLOW.advance(session, Event("screened_out", '["webgl"]'), 0.0)[0])
+        session, _ = FLOW.advance(session, LEADS_ON[session.state], 0.0)
 
 
 def secrets_in(message: Message) -> list[str]:
@@ -78,7 +82,7 @@ def secrets_in(message: Message) -> list[str]:
 
 def test_no_page_of_the_whole_protocol_tells_condition_belief_or_score() -> None:
     sessions = every_session()
-    assert {session.state for session in sessions} == set(STATES)
+    assert {session.state for session in sessions} == set(FLOW.states)
     for session in sessions:
         made = page(session, context())
         assert secrets_in(made) == [], (session.state, made)

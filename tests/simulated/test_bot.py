@@ -395,7 +395,7 @@ class ScriptedWire(Wire):
 
     def __init__(self, *lab: Message) -> None:
         self._lab = iter(lab)
-        self._name, self._numbers = "x", itertools.count(1)
+        self._name, self._numbers, self._submit = "x", itertools.count(1), Submit
         self.sent: list[Message] = []
 
     async def send(self, message: Message) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.errors import LabError
-from app.simulated.answers import Experience, survey_answers
+from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
 from app.simulated.traits import TRAITS, Population, Purpose, Traits, draw_traits, stream
@@ -19,6 +19,7 @@ from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
 from sim.layouts import scene
 from study.flow.answers import score, validate_surveys
+from tests.support.flow_cases import handed_in
 from tests.support.shipped_world import LAYOUTS
 from tests.support.study_samples import OBJECTS, shipped_study
 
@@ -187,7 +188,8 @@ def test_answers_are_complete_and_follow_the_stated_model() -> None:
 
     def mean_scores(felt: Experience) -> tuple[float, float]:
         rng = np.random.default_rng(2)
-        given = [survey_answers(study, average(), felt, rng) for _ in range(60)]
+        person = SimulatedPerson(study, average(), felt, rng)
+        given = [handed_in(study, "survey", person)["answers"] for _ in range(60)]
         assert all(validate_surveys(study, answers) == () for answers in given)
         usability = np.mean([score("sus_modified", answers["sus_modified"]) for answers in given])
         workload = np.mean([score("tlx_raw", answers["tlx_raw"]) for answers in given])

@@ -237,7 +237,8 @@ def test_a_file_from_the_future_is_refused_with_what_to_do(tmp_path: Path) -> No
         path = store.path
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
-    for options in ({"must_exist": True}, {"exclusive": True}):
+    ways: tuple[dict[str, Any], ...] = ({"must_exist": True}, {"exclusive": True})
+    for options in ways:
         refusal = rf"schema 9999, this version knows those up to {migration.HEAD}.*open it with that"
         with pytest.raises(StoreError, match=refusal):
             open_store(tmp_path, **options)

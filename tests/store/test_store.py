@@ -13,13 +13,13 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 from study.definition.study import orders
-from study.flow.protocol import EventName, advance
+from study.flow.flow import FLOW
 from study.records import SCHEMA_VERSION, TABLES, StudyError
 from study.store import (
     AsyncStore,
@@ -92,8 +92,7 @@ def test_the_cell_of_whoever_leaves_is_given_out_again(store: Store, leave: str)
     elif leave == "erase":
         store.erase(first.participant, UTC)
     else:
-        event = cast(EventName, leave)
-        store.commit(Batch(session=advance(first.session, event, 1.0)[0], finished_utc=UTC))
+        store.commit(Batch(session=FLOW.advance(first.session, leave, 1.0)[0], finished_utc=UTC))
     assert enrol(store).order == first.order
 
 
@@ -119,7 +118,7 @@ def test_a_token_is_found_by_its_hash_alone(store: Store) -> None:
 
 def test_a_session_comes_back_as_it_was(store: Store) -> None:
     session = enrol(store, pace="lockstep")
-    later, _ = advance(session.session, "consent_given", 5.0)
+    later, _ = FLOW.advance(session.session, "consent_given", 5.0)
     store.commit(Batch(session=later, consent=ConsentGiven(UTC, "c" * 64)))
     store = reopened(store)
     found = store.session(session.participant)
@@ -308,7 +307,7 @@ def test_another_schema_version_is_refused(store: Store) -> None:
 
 
 @pytest.mark.parametrize("options", [{"must_exist": True}, {"exclusive": True}, {}])
-def test_a_copy_that_lacks_its_log_is_not_taken_for_a_new_lab(tmp_path: Path, options: dict[str, bool]) -> None:
+def test_a_copy_that_lacks_its_log_is_not_taken_for_a_new_lab(tmp_path: Path, options: dict[str, Any]) -> None:
     with open_store(tmp_path / "running", exclusive=True) as store:
         enrol(store)
         (tmp_path / "copy").mkdir()

@@ -30,7 +30,9 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from app.web.participant_views import with_views
 from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE
+from study.flow.flow import FLOW
 from tests.support.fake_pages import CONTENT, ENDS, NEXT
 
 STATIC = Path(__file__).resolve().parents[2] / "static"
@@ -241,6 +243,10 @@ class FakeLab:
 
             return answer
 
+        async def participant_page(_: Request) -> Response:
+            html = (STATIC / "participant.html").read_text(encoding="utf-8")
+            return HTMLResponse(with_views(html, FLOW), headers={"Cache-Control": "no-store"})
+
         async def scene(_: Request) -> Response:
             return HTMLResponse(SCENE)
 
@@ -256,7 +262,7 @@ class FakeLab:
                 Route("/", file("index.html")),
                 Route("/dashboard", file("dashboard.html")),
                 Route("/forbidden", file("forbidden.html")),
-                Route("/s/test/", file("participant.html")),
+                Route("/s/test/", participant_page),
                 Route("/s/test/panel/", file("panel.html")),
                 Route("/s/test/scene/", scene),
                 WebSocketRoute("/s/test/socket", participant),

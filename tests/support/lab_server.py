@@ -87,15 +87,21 @@ class LabServer(AbstractContextManager["LabServer"]):
         self.close()
 
 
-def start(data_dir: Path, *arguments: str, environment: dict[str, str] | None = None) -> LabServer:
-    """`salab serve --port 0 --data data_dir arguments...`, returned once it answers.
+def start(
+    data_dir: Path,
+    *arguments: str,
+    environment: dict[str, str] | None = None,
+    program: Sequence[str] = ("-m", "app"),
+) -> LabServer:
+    """`salab serve --port 0 --data data_dir arguments...`, returned once it answers; `program` is what Python runs for
+    `salab`.
 
     Raises:
         LabDidNotStart: with the process's exit code and output.
     """
     data_dir.mkdir(parents=True, exist_ok=True)
     log_path = data_dir.with_name(data_dir.name + ".log")
-    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--data", str(data_dir), *arguments]
+    command = [sys.executable, *program, "serve", "--port", "0", "--data", str(data_dir), *arguments]
     process = subprocess.Popen(
         command,
         cwd=ROOT,

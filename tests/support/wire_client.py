@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 import httpx
 
 from app.session.private_text import with_words
-from app.simulated.bot import BotError, Wire, enter, form_answers, open_wire
+from app.simulated.answers import PlainPerson
+from app.simulated.bot import BotError, Wire, enter, handed_in, open_wire
 from app.wire import (
     SERVER_MESSAGE,
     Ack,
@@ -29,10 +30,11 @@ from app.wire import (
     Ping,
     Pong,
     Status,
-    Submit,
     Tick,
     Welcome,
+    submit_type,
 )
+from study.flow.flow import FLOW, Flow
 from study.store import Store, open_store
 from tests.support.lab_server import ROOT, LabServer
 
@@ -138,8 +140,9 @@ def worker_pids(lab: LabServer) -> list[int]:
 class Player:
     """One page of a participant (or the second device), moved by hand."""
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: Wire, flow: Flow = FLOW) -> None:
         self.wire = wire
+        self._flow = flow
         self.frames: list[str] = []
         self.messages: list[Message] = []
         self.seq = 0
@@ -202,7 +205,8 @@ class Player:
 
     async def _submit(self, step: str, data: Mapping[str, Any], identifier: str | None) -> str:
         identifier = identifier or self.wire.new_id()
-        await self.send(Submit.model_validate({"id": identifier, "step": step, "data": data}))
+        submit = submit_type(self._flow)
+        await self.send(submit.model_validate({"id": identifier, "step": step, "data": data}))
         return identifier
 
     async def _answer(self, identifier: str, kind: type[Kind]) -> Kind:
@@ -264,9 +268,9 @@ class Player:
                 await self.status("ready")
                 await self._submit("start", {}, None)
             else:
-                form = form_answers(page)
-                assert form is not None, f"nothing leads on from {page.state!r}"
-                await self._submit(*form, None)
+                given = handed_in(page, PlainPerson(), self._flow)
+                assert given is not None, f"nothing leads on from {page.state!r}"
+                await self._submit(given.step, given.data, None)
 
     async def measured(self) -> None:
         """Answer the pings of a measurement to the last."""
@@ -283,9 +287,9 @@ class Player:
 
 
 @contextlib.asynccontextmanager
-async def visit(link: str, name: str = "tab", telemetry: bool = False) -> AsyncIterator[Player]:
+async def visit(link: str, name: str = "tab", telemetry: bool = False, flow: Flow = FLOW) -> AsyncIterator[Player]:
     """Open a participant's (or the second device's) link and say hello; the first message is the lab's welcome."""
-    async with open_wire(await enter(link), name, telemetry) as wire:
-        player = Player(wire)
+    async with open_wire(await enter(link), name, telemetry, flow) as wire:
+        player = Player(wire, flow)
         player.seq = (await player.until(Welcome)).last_seq
         yield player

@@ -1,11 +1,11 @@
 // The check of the device before consent: looks at what the study asks for, lets the lab judge, says what would help.
 // The lab measures the connection by pings of its own; the page only shows how far that is.
 
-import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
-import { ask, card } from "../common/shell.js";
+import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
+import { ask, card } from "../../common/shell.js";
 
-/** @import { Refusal } from "../wire/socket.js" */
-/** @import { Context, PageOf, View } from "./view.js" */
+/** @import { Refusal } from "../../wire/socket.js" */
+/** @import { Context, PageOf, View } from "../view.js" */
 /** @typedef {keyof typeof LABELS} Check */
 /** @typedef {keyof typeof MARKS} Mark */
 /** @typedef {{ checks: Check[], gamepad: "any" | "preferred" | "required", tones: number[] }} Content */
@@ -72,7 +72,7 @@ function row(check) {
  * @param {PageOf<Content>} page
  * @returns {View}
  */
-export function eligibilityView({ socket, pads, sound }, page) {
+export function view({ socket, pads, sound }, page) {
   const { checks, gamepad, tones } = page.content;
   const rows = new Map(checks.map((check) => [check, row(check)]));
   const [round_trip, size, pad, tone] = /** @type {Check[]} */ (["round_trip", "window", "gamepad", "sound"]).map(

@@ -1,9 +1,9 @@
 // Questionnaires as the lab sends them: one row of radio buttons per item, nothing skipped silently, kept over a reload.
 
-import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
-import { tab } from "../common/store.js";
+import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
+import { tab } from "../../common/store.js";
 
-/** @import { Context, PageOf, View } from "./view.js" */
+/** @import { Context, PageOf, View } from "../view.js" */
 /** @typedef {{ id: string, text: string, low: string, high: string }} Item */
 /** @typedef {{ id: string, title: string, intro: string, source: string, points: number, items: Item[] }} Instrument */
 /** @typedef {Record<string, Record<string, number>>} Answers by instrument and item */
@@ -13,7 +13,7 @@ import { tab } from "../common/store.js";
  * @param {PageOf<{ instruments: Instrument[] }>} page
  * @returns {View}
  */
-export function surveyView({ socket, session }, page) {
+export function view({ socket, session }, page) {
   const { instruments } = page.content;
   const key = `${session}:survey:${page.trial ?? 0}`;
   const answers = tab.get(key, /** @type {Answers} */ ({}));

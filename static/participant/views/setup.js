@@ -1,19 +1,19 @@
 // Set-up: how to drive (gamepad or keyboard, equal), a live test, sound, and the second device where there is one.
 
-import { copyButton } from "../common/copy.js";
-import { h, icon, setText, whileBusy } from "../common/dom.js";
-import { card } from "../common/shell.js";
-import { calibrate } from "../hands/calibration.js";
-import { remember, remembered } from "../hands/gamepad.js";
-import { DEAD_ZONE } from "../hands/mapping.js";
-import { wordsFor } from "../readings/words.js";
-import { keyboardLegend, padLegend } from "./controls.js";
-import { indicator } from "./indicator.js";
+import { copyButton } from "../../common/copy.js";
+import { h, icon, setText, whileBusy } from "../../common/dom.js";
+import { card } from "../../common/shell.js";
+import { calibrate } from "../../hands/calibration.js";
+import { remember, remembered } from "../../hands/gamepad.js";
+import { DEAD_ZONE } from "../../hands/mapping.js";
+import { wordsFor } from "../../readings/words.js";
+import { keyboardLegend, padLegend } from "../controls.js";
+import { indicator } from "../indicator.js";
 
-/** @import { Child } from "../common/dom.js" */
-/** @import { ChosenDevice } from "../hands/keyboard.js" */
-/** @import { Mapping } from "../hands/mapping.js" */
-/** @import { Context, PageOf, View } from "./view.js" */
+/** @import { Child } from "../../common/dom.js" */
+/** @import { ChosenDevice } from "../../hands/keyboard.js" */
+/** @import { Mapping } from "../../hands/mapping.js" */
+/** @import { Context, PageOf, View } from "../view.js" */
 /**
  * @typedef {object} Content
  * @property {"second_device" | "same_page_away" | "none"} placement
@@ -56,7 +56,7 @@ function section(number, title, testid) {
  * @param {PageOf<Content>} page
  * @returns {View}
  */
-export function setupView({ socket, input, pads, keyboard, sound }, page) {
+export function view({ socket, input, pads, keyboard, sound }, page) {
   const words = wordsFor(socket.welcome).setup;
   const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
   /** @type {Chosen} */
