@@ -134,7 +134,7 @@ def study_file() -> str:
             (
                 f"`{name}`",
                 kind(inner["properties"][name], defs).removesuffix(_OR_NULL),
-                default(name, inner).replace("`null`", ""),
+                default(name, inner).replace("`null`", "none"),
                 _meaning(item, name, texts, said),
             )
             for name in own_keys(item.model)

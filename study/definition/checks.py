@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
-from study.definition.layouts import WorldCheck, known_bins, known_objects, known_places, layout_problems
+from study.definition.layout_checks import known_bins, known_objects, known_places, layout_problems
+from study.definition.layouts import WorldCheck
 from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import DistractorSettings, Recruitment

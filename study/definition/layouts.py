@@ -12,7 +12,7 @@ for a `LayoutInUse` (`study.load_study` takes the question along).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from study.definition.field_types import Identifier, Part, Text, number
-from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report, tables
 
 HERE = Path(__file__).parent
 PRACTICE_OBJECT = "practice_block"
@@ -224,16 +224,17 @@ def shipped_layouts() -> Mapping[str, LayoutSection]:
 @cache
 def shipped_objects() -> Mapping[str, LayoutObject]:
     """The objects there are, by id, without the one to practise with."""
-    return MappingProxyType({name: item for name, item in _all_shipped_objects().items() if name != PRACTICE_OBJECT})
+    return MappingProxyType({name: item for name, item in all_shipped_objects().items() if name != PRACTICE_OBJECT})
 
 
 def practice_object() -> LayoutObject:
     """What participants practise with."""
-    return _all_shipped_objects()[PRACTICE_OBJECT]
+    return all_shipped_objects()[PRACTICE_OBJECT]
 
 
 @cache
-def _all_shipped_objects() -> Mapping[str, LayoutObject]:
+def all_shipped_objects() -> Mapping[str, LayoutObject]:
+    """The objects there are and the one to practise with, by id."""
     data = _shipped(HERE / "shipped_objects.toml", _ShippedObjects)
     return MappingProxyType({item.id: item for item in _ShippedObjects.model_validate(data).objects})
 
@@ -271,7 +272,7 @@ def in_use(data: Mapping[str, Any]) -> LayoutInUse | None:
     known = known_to(layout)
     names = data.get("objects")
     chosen = [item for item in names if isinstance(item, str) and item in known] if isinstance(names, list) else []
-    meshes = {str(item.get("file")): str(item.get("text")) for _, item in _entries(data.get("meshes"))}
+    meshes = {str(item.get("file")): str(item.get("text")) for _, item in tables(data.get("meshes"))}
     objects = tuple(known[item] for item in dict.fromkeys(chosen)) or tuple(shipped_objects().values())
     return LayoutInUse(layout, objects, meshes)
 
@@ -294,90 +295,6 @@ def mesh_names(layout: Mapping[str, Any]) -> dict[str, FieldPath]:
 
 class _MeshName(Part):
     name: MeshName
-
-
-def layout_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterator[Problem]:
-    """What is wrong with the `layouts` of a study file's unchecked data beyond single fields."""
-    own = own_layouts(data)
-    chosen = data.get("layout")
-    meshes = _mesh_files(data)
-    for name, (position, entry) in own.items():
-        place: FieldPath = ("layouts", position)
-        if name in shipped_layouts():
-            yield Problem((*place, "id"), "is a layout that ships; choose another id")
-        elif isinstance(chosen, str) and name != chosen:
-            yield Problem((*place, "id"), "is never used; name it in layout, or leave the layout out")
-        for key in ("objects", "bins"):
-            yield from _repeated((*place, key), entry.get(key))
-        for number_, item in _entries(entry.get("objects")):
-            if item.get("id") in _all_shipped_objects():
-                yield Problem((*place, "objects", number_, "id"), "is an object that ships; choose another id")
-            if item.get("mesh") and item.get("drawing"):
-                yield Problem((*place, "objects", number_, "drawing"), "must be left out with a mesh")
-        for mesh, where in mesh_names(entry).items():
-            if mesh not in meshes:
-                yield Problem((*place, *where), "no such file beside this file")
-    named = {mesh for _, entry in own.values() for mesh in mesh_names(entry)}
-    for number_, item in _entries(data.get("meshes")):
-        if isinstance(item.get("file"), str) and item["file"] not in named:
-            yield Problem(("meshes", number_, "file"), "is the mesh of no object; leave it out")
-    yield from _repeated(("meshes",), data.get("meshes"), "file")
-    using = in_use(data) if world is not None else None
-    if world is None or using is None:
-        return
-    own_place: FieldPath = ("layouts", own[using.layout.id][0]) if using.layout.id in own else ("layout",)
-    for problem in world(using):
-        yield Problem((*own_place, *problem.path) if own_place[0] == "layouts" else own_place, problem.sentence)
-
-
-def known_places(data: Mapping[str, Any]) -> dict[str, int | None]:
-    """Every layout that a study file's unchecked data may choose, and its number of places, if it can be told."""
-    counts: dict[str, int | None] = {name: len(layout.places_m) for name, layout in shipped_layouts().items()}
-    for name, (_, entry) in own_layouts(data).items():
-        places = entry.get("places_m")
-        counts[name] = len(places) if isinstance(places, list) else None
-    return counts
-
-
-def known_objects(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """Ids of the objects that a study file's unchecked data may choose."""
-    return (*shipped_objects(), *_ids(_chosen(data), "objects"))
-
-
-def known_bins(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """Ids of the bins of the layout that a study file's unchecked data chooses."""
-    name = data.get("layout")
-    if (entry := _chosen(data)) is not None and "bins" in entry:
-        return _ids(entry, "bins")
-    shipped = shipped_layouts()
-    bins = shipped[name].bins if isinstance(name, str) and name in shipped else LayoutFile.model_fields["bins"].default
-    return tuple(item.id for item in bins)
-
-
-def _chosen(data: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    name = data.get("layout")
-    return own_layouts(data).get(name, (0, None))[1] if isinstance(name, str) else None
-
-
-def _ids(entry: Mapping[str, Any] | None, key: str) -> tuple[str, ...]:
-    return tuple(item["id"] for _, item in _entries((entry or {}).get(key)) if isinstance(item.get("id"), str))
-
-
-def _mesh_files(data: Mapping[str, Any]) -> set[str]:
-    return {str(item.get("file")) for _, item in _entries(data.get("meshes"))}
-
-
-def _repeated(place: FieldPath, entries: object, key: str = "id") -> Iterator[Problem]:
-    first: dict[str, int] = {}
-    for position, item in _entries(entries):
-        name = item.get(key)
-        if isinstance(name, str) and first.setdefault(name, position) != position:
-            yield Problem((*place, position, key), f"repeats entry {first[name] + 1}; {key}s must be different")
-
-
-def _entries(value: object) -> list[tuple[int, Mapping[str, Any]]]:
-    entries = value if isinstance(value, list) else []
-    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, dict)]
 
 
 def read_mesh(file: Path) -> str:

@@ -255,7 +255,7 @@ def _layout_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> 
             text = read_mesh(file.with_name(mesh))
         except StudyFileError as error:
             problems += [f"{file.with_name(mesh)}: {sentence}" for sentence in error.problems]
-            text = "-"
+            text = _PLACEHOLDER_MESH
         lines = ["", f"# {mesh}, as it stood beside this file", "[[meshes]]", f"file = {toml(mesh)}"]
         added.append("\n".join([*lines, f"text = {long_text(text)}"]) + "\n")
     return added, beside
@@ -271,6 +271,8 @@ score_means = "-"
 items = [{{ id = "item", text = "-", low = "-", high = "-" }}]
 """
 """Stands in for a questionnaire that cannot be used, so that the study file's own problems are told beside it."""
+_PLACEHOLDER_MESH = "v 0 0 0\nv 1 0 1\nv 0 1 0\nf 1 2 3\n"
+"""The same for a mesh."""
 
 
 def _read(file: Path) -> bytes:

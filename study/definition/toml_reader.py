@@ -147,6 +147,12 @@ def look_up(data: object, path: FieldPath) -> tuple[bool, Any]:
     return True, data
 
 
+def tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    """The tables of a list of unchecked data, each with its position."""
+    entries = value if isinstance(value, list) else []
+    return [(position, entry) for position, entry in enumerate(entries) if isinstance(entry, dict)]
+
+
 def line_numbers(text: str) -> dict[FieldPath, int]:
     """The line of every table header, of every key that starts a line, and of every entry of its list, by path."""
     found: dict[FieldPath, int] = {}
