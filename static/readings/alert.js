@@ -13,7 +13,7 @@ import { wordsFor } from "./words.js";
 /** @typedef {AlertClosed["status"] | null} Ending how the last one ended; null when the study went on without it */
 
 const REDRAW_MS = 100;
-const LONG_TEXT = 7; // characters: more than that is drawn smaller
+const LONG_TEXT = 7; // characters: more than that is drawn smaller, unless it is a reading
 
 /**
  * Emits "open", and "released" when there is nothing to do any more.
@@ -135,7 +135,7 @@ export class AlertView extends Emitter {
     this.error.hidden = true;
     this._name();
     setText(this.reading, alert.reading);
-    this.reading.classList.toggle("long", alert.reading.length > LONG_TEXT);
+    this.reading.classList.toggle("long", this.words.keypad === "text" && alert.reading.length > LONG_TEXT);
     this._ask(alert);
     setText(this.result, "");
     this._redraw();

@@ -271,7 +271,7 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
             "if TYPE_CHECKING:\n    from app.lab.lab import Lab",
             "imports app.lab, which stands above",
         ),
-        ("study.flow.distractor", "from sim.interface import TICK_S", "study is a house of its own"),
+        ("study.flow.distractors.state", "from sim.interface import TICK_S", "study is a house of its own"),
         ("sim.kinematic", "from study import records", "sim is a house of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a house of its own"),
         ("app.autonomy.belief", "from app.errors import LabError", "app.autonomy is a house of its own"),

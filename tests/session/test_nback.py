@@ -102,6 +102,20 @@ async def test_letters_on_the_same_page_answered_right_wrong_empty_and_late(laun
     assert results == ["accepted", "accepted", "duplicate", "late"]
 
 
+async def test_only_a_scripted_client_in_lockstep_is_told_the_answer(launch: Launch) -> None:
+    lab = launch()
+    scripted, person = invite(lab), invite(lab, pace="real_time")
+    async with visit(scripted["link"], telemetry=True) as player:
+        await player.reach_trial()
+        assert (await until_letter(player, 2)).right_answer == "different"
+    async with visit(person["link"], telemetry=True) as player:  # as a curious participant might
+        await player.reach("trial_ready")
+        await player.status("ready")
+        async with player.beating():
+            await player.done("start")
+            assert (await player.until(Alert)).right_answer is None
+
+
 async def test_letters_on_the_second_device(launch: Launch) -> None:
     lab = launch({**NBACK, **SECOND_DEVICE})
     made = invite(lab)
