@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from app.report.layout_picture import write_layout_picture
 from app.simulated.pilot import Pilot
+from app.trial.world import layout_of, open_study
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.support import chromium
 from tests.support import lab_server as labs
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures"
+EXAMPLE = FOLDER.parent / "examples" / "05_layout" / "study.toml"
 MAX_BYTES = 150_000
 WIDTH_PX, HEIGHT_PX = 1280, 720
 STEP_M = 0.02
@@ -201,11 +204,18 @@ def report(camera: Camera, folder: Path) -> None:
     keep("report", page.screenshot())
 
 
+def layout(camera: Camera, folder: Path) -> None:
+    """What `salab check` draws of a layout of one's own."""
+    write_layout_picture(layout_of(open_study(EXAMPLE)), folder / "layout.png")
+    keep("layout", (folder / "layout.png").read_bytes())
+
+
 PARTS: Mapping[str, Callable[[Camera, Path], None]] = {
     "participant": participant,
     "second_device": second_device,
     "open_link": open_link,
     "report": report,
+    "layout": layout,
 }
 
 
