@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from app.contracts.driving import SPEED_M_S, drive, move_gripper
 from sim import ik, kinematic, layouts, objects
 from sim.interface import (
     SLICES_PER_TICK,
@@ -18,7 +19,6 @@ from sim.interface import (
     still,
 )
 from sim.kinematic import KinematicRobot
-from tests.support.robot_cases import SPEED_M_S, drive, move_gripper
 
 ARC = layouts.LAYOUTS["arc"]
 TOP_M = ARC.table.top_z_m

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.contracts.driving import START_JOINTS_RAD
 from sim import fetch
 from sim.assets import simple_look
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
@@ -16,7 +17,6 @@ from sim.layouts import DEFAULT_LAYOUT, LAYOUTS, practice_scene, scene
 from sim.objects import STUDY_OBJECTS
 from sim.scene import SceneOptions, SceneView
 from sim.views import DEFAULT_VIEW, VIEWS
-from tests.support.robot_cases import START_JOINTS_RAD
 from tests.support.viser_client import TIMEOUT_S, ViserClient, names
 
 LAYOUT = LAYOUTS[DEFAULT_LAYOUT]
