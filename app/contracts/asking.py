@@ -24,7 +24,7 @@ from app.worker.time_limit import DECIDE_WITHIN_S, TimeLimit, own_time_s
 from study.parts.errors import PartError
 from study.parts.shelf import Named
 
-GIVE_UP_AFTER_S = 1.0
+GIVE_UP_AFTER_S = 0.5
 """On one answer."""
 SLOW_ANSWERS = 3
 """After so many answers beyond the limit nothing more is asked: it would take hours."""
@@ -126,6 +126,7 @@ def _answer(part: Arbiter | GoalInference, situation: Situation, belief: Belief,
     if explain and isinstance(part, Arbiter) and not raised:
         part.explain(state, situation.prior, user, value)
     memory, not_json = remembered(part)
+    # What a part returns may be changed by it later, so the text is kept.
     return Answer(situation, value, raised or as_text(value), raised, memory, not_json, took_s)
 
 

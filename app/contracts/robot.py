@@ -19,6 +19,7 @@ import numpy as np
 
 from app.contracts.candidate import Candidate, candidate
 from app.contracts.driving import SPEED_M_S, START_JOINTS_RAD, drive, move_gripper, pick_and_place, settle, way_in
+from app.contracts.part import usable
 from app.contracts.verdict import approx, fixture, mend, parametrize, promises, raises
 from sim import fetch, ik, layouts, objects
 from sim.interface import (
@@ -35,7 +36,6 @@ from sim.interface import (
     steady,
     still,
 )
-from study.parts.errors import PartError
 
 ARC, ROWS = layouts.LAYOUTS["arc"], layouts.LAYOUTS["rows"]
 IDS = list(objects.STUDY_OBJECTS)
@@ -104,15 +104,13 @@ class RobotContract:
         """The robot that the class names, beside the file that the class stands in."""
         if not self.robot_name:
             mend(f'{type(self).__name__} names no robot; give it a line such as robot_name = "two_finger.py:TwoFinger"')
-        return candidate("robot", self.robot_name, Path(inspect.getfile(request.cls)).resolve().parent, "{}")
+        folder = Path(inspect.getfile(request.cls)).resolve().parent
+        return usable(candidate("robot", self.robot_name, folder, "{}"))
 
     @fixture
     def make_robot(self, part: Candidate) -> MakeRobot:
         """The class of the robot."""
-        try:
-            make: MakeRobot = part.loaded
-        except PartError as error:
-            mend(str(error))
+        make: MakeRobot = part.loaded
         return make
 
     @fixture

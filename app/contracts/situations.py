@@ -7,6 +7,7 @@ nothing, everything feasible, little or nothing, beliefs that are certain, unifo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class Situation:
         return f"tick {state.tick}, {len(state.goal_ids)} goals, {moving}, {hands}, {left} of 26 moves feasible"
 
 
+@lru_cache(maxsize=2)
 def cycles(count: int = CYCLES) -> tuple[tuple[Situation, ...], ...]:
     """So many pick-and-place cycles, one tick after another; the goals stay the same within half a cycle."""
     rng = np.random.default_rng(SEED)
@@ -80,7 +82,8 @@ def _situation(
     user = None if rng.random() < 0.5 else DIRECTIONS[rng.integers(27)]
     user = None if user == _STAY else user
     share = rng.choice((0.0, 0.1, 0.6, 1.0))
-    can_do = frozenset(action for action in DIRECTIONS if action == _STAY or rng.random() < share)
+    drawn = rng.random(len(DIRECTIONS)) < share
+    can_do = frozenset(action for action, can in zip(DIRECTIONS, drawn, strict=True) if can or action == _STAY)
     state = State((x_m, y_m, z_m), (m_x, m_y, m_z), names, frozen(goals_m.copy()), held, tick)
     return Situation(state, _belief(rng, names), user, can_do)
 
