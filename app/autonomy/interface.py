@@ -63,7 +63,7 @@ class State:
         position_m: the gripper, (3,).
         momentum: direction executed in the last tick, (3,), length <= 1, 0 after any stop.
         goal_ids: names of the candidate goals: the objects on the table, or the bins while something is held.
-        goals_m: where they are now, (G, 3), in the order of ``goal_ids``.
+        goals_m: where they are now, (G, 3), in the order of ``goal_ids``; read-only in a trial.
         held: the object in the gripper, if any.
         tick: number of the tick in its trial, from 0; a tick is half a second.
     """

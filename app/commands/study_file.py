@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -24,8 +25,11 @@ commands = typer.Typer()
 @commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab new my-study --preset fitted")
 def new(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="name of the study, or of the file: pilot makes pilot.toml")
-    ],
+        str,
+        typer.Argument(
+            metavar="NAME", show_default=False, help="name of the study, or of the file: pilot makes pilot.toml"
+        ),
+    ] = "",
     preset: Annotated[
         str,
         choice(
@@ -34,21 +38,22 @@ def new(
             "teleoperation, which also slows the arm and puts the readings on a second device",
         ),
     ] = "lab",
+    arbiter: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="also write an arbiter of your own to change, with its test and a condition"),
+    ] = None,
 ) -> None:
     """Write a commented study file to change."""
-    given, name = name, name.strip()
+    given, name = name, (name or arbiter or "").strip()
     file = Path(name if name.endswith(".toml") else f"{name}.toml")
     title = re.sub(r"[-_\s]+", " ", file.stem).strip()
     if not name or not title or not name.isprintable():
         raise LabError(f"{given!r} is no name for a study; give one such as my-study")
     text = new_study_text(title[0].upper() + title[1:], file, preset)
-    try:
-        with file.open("x", encoding="utf-8", newline="\n") as made:
-            made.write(text)
-    except FileExistsError:
-        raise LabError(f"{file}: there already; choose another name, or remove it first") from None
-    except OSError as error:
-        raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
+    if arbiter is not None:
+        _write_with_arbiter(file, text, arbiter)
+        return
+    _write({file: text})
     print(
         f"wrote {file}: the paper's study, with every setting explained. Next:\n"
         f"  change it in an editor\n"
@@ -103,6 +108,40 @@ def check(
         print(calibration_text(setup.calibration))
     _draw(setup.layout, file, picture)
     return 0
+
+
+def _write_with_arbiter(file: Path, study_text: str, arbiter: str) -> None:
+    from app.commands.skeleton import arbiter_files, with_condition
+
+    beside = {file.parent / name: text for name, text in arbiter_files(arbiter).items()}
+    _write({**beside, file: with_condition(study_text, arbiter)})
+    source, test = beside
+    print(
+        f"wrote {source}, an arbiter to change, {test}, and {file}: the paper's study with it as a fourth condition. "
+        "Next:\n"
+        f"  change {source} in an editor\n"
+        f"  pytest {test}    (pip install pytest, if there is none)\n"
+        f"  salab check {file} --trust\n"
+        f"  salab simulate --study {file} --trust --participants 2 --out {file.stem}-pilot\n"
+        f"  salab serve --study {file} --trust"
+    )
+
+
+def _write(texts: Mapping[Path, str]) -> None:
+    """All of these files, none of which may be there. Raises `LabError`, and has written nothing then."""
+    for file in texts:
+        if file.exists():
+            raise LabError(f"{file}: there already; choose another name, or remove it first")
+    written: list[Path] = []
+    try:
+        for file, text in texts.items():
+            with file.open("x", encoding="utf-8", newline="\n") as made:
+                written.append(file)
+                made.write(text)
+    except OSError as error:
+        for path in written:
+            path.unlink()
+        raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
 
 
 def code_line(code: Code, trust: bool) -> str:

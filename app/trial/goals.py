@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from app.autonomy.arrays import frozen
 from app.trial.verdicts import release_points
 from sim.interface import SceneSpec, Vector3, WorldState
 
@@ -25,14 +26,14 @@ class Goals:
     places_m: Places
     ids: tuple[str, ...]
     positions_m: npt.NDArray[np.float64]
-    """(G, 3), world frame."""
+    """(G, 3), world frame; read-only, since parts that others wrote are given it."""
     text: str
     """JSON: goal id to its position."""
 
     @classmethod
     def at(cls, places_m: Places) -> Goals:
         """The goals at those places."""
-        positions_m = np.array([position for _, position in places_m])
+        positions_m = frozen(np.array([position for _, position in places_m]))
         return cls(places_m, tuple(name for name, _ in places_m), positions_m, compact_json(dict(places_m)))
 
 

@@ -28,7 +28,7 @@ class TimeLimit(AbstractContextManager["TimeLimit"]):
         self._began_s = 0.0
 
     def __enter__(self) -> TimeLimit:
-        self._began_s = _own_s()
+        self._began_s = own_time_s()
         self._handler = signal.signal(signal.SIGALRM, self._on_alarm)
         signal.setitimer(signal.ITIMER_REAL, self._limit_s, self._limit_s)
         return self
@@ -42,11 +42,11 @@ class TimeLimit(AbstractContextManager["TimeLimit"]):
         self._check()
 
     def _check(self) -> None:
-        if _own_s() - self._began_s > self._limit_s:
+        if own_time_s() - self._began_s > self._limit_s:
             raise TookTooLong(f"took longer than {1000 * self._limit_s:g} ms")
 
 
-def _own_s() -> float:
+def own_time_s() -> float:
     """A clock that stands still while this thread waits for a processor."""
     return time.monotonic() - _waited_s()
 

@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
-    ("app.session", "app.replication"),
+    ("app.session", "app.replication", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
     ("app.wire", "app.config"),
@@ -62,6 +62,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "typer": ("app.commands",),
     "tqdm": ("app.simulated.progress",),
     "rich": (),
+    "pytest": ("app.contracts.verdict", "app.contracts.plugin"),
     "httpx": ("app.simulated.bot",),
     "websockets": ("app.web", "app.simulated.bot"),
     "pybullet": ("sim.bullet",),

@@ -49,6 +49,7 @@ def normal(name: str) -> str:
 
 RUN = names(PROJECT["dependencies"])
 MESHES = names(PROJECT["optional-dependencies"]["meshes"])
+CONTRACTS = names(PROJECT["optional-dependencies"]["contracts"])
 TEST = names(PROJECT["optional-dependencies"]["test"])
 DOCS = names(PROJECT["optional-dependencies"]["docs"])
 
@@ -87,7 +88,7 @@ def test_whatever_the_lab_imports_is_asked_for() -> None:
     missing = [
         f"{where} imports {top}"
         for where, top in imported(("app", "sim", "study"))
-        if not packages_of(top) & (RUN | MESHES)
+        if not packages_of(top) & (RUN | MESHES | CONTRACTS)
     ]
     assert not missing, "not among the dependencies in pyproject.toml:\n" + "\n".join(missing)
 
@@ -106,12 +107,12 @@ def test_whatever_the_documentation_imports_is_asked_for() -> None:
 
 def test_whatever_is_asked_for_is_used() -> None:
     used = {name for _, top in imported(tuple(OURS)) for name in packages_of(top)}
-    unused = (RUN | MESHES | TEST | DOCS) - used - set(NOT_IMPORTED)
+    unused = (RUN | MESHES | CONTRACTS | TEST | DOCS) - used - set(NOT_IMPORTED)
     assert not unused, f"in pyproject.toml and imported nowhere: {', '.join(sorted(unused))}"
 
 
-def test_only_the_meshes_extra_may_be_missing() -> None:
-    """What only that extra brings is imported where it is needed, so that the lab starts without it."""
+def test_only_the_extras_may_be_missing() -> None:
+    """What only an extra brings is imported where it is needed, so that the lab starts without it."""
     for where, top in imported(("app", "sim", "study")):
         if not packages_of(top) & RUN:
             path, _, line = where.partition(":")

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from app.contracts.driving import START_JOINTS_RAD
 from sim import fetch, ik
 from sim.interface import TICK_S, MotionSegment, RobotCommand, SimError, Vector3, steady, still
-from tests.support.robot_cases import START_JOINTS_RAD, reachable
+from tests.support.robot_cases import reachable
 
 WORKSPACE = np.array([ik.WORKSPACE_LOW_M, ik.WORKSPACE_HIGH_M])
 

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from app.contracts.driving import SPEED_M_S, drive, move_gripper
 from sim import ik, kinematic
 from sim.interface import (
     SLICES_PER_TICK,
@@ -18,7 +19,6 @@ from sim.interface import (
     still,
 )
 from sim.kinematic import KinematicRobot
-from tests.support.robot_cases import SPEED_M_S, drive, move_gripper
 from tests.support.shipped_world import LAYOUTS, OBJECTS
 
 ARC = LAYOUTS["arc"]

@@ -1,0 +1,1 @@
+"""What every arbiter, goal inference and robot promises, as tests that its author runs with one line."""
