@@ -1,6 +1,6 @@
-"""The parts a study may name, and how they are made: arbiters and goal inferences.
+"""The parts a study may name, and how they are made: arbiters, goal inferences, questionnaires.
 
-Every one is a row of a table, or registered by an installed package, or a class in a file beside the study file.
+Every one is a row of a table, or registered by an installed package, or in a file beside the study file.
 """
 
 from __future__ import annotations
@@ -31,8 +31,17 @@ INFERENCES = Registry(
     methods=("update",),
     base="app.autonomy.interface:GoalInference",
 )
+QUESTIONNAIRES = Registry(
+    noun="questionnaire",
+    group="salab.questionnaires",
+    shipped={
+        "sus_modified": "study.definition.builtin_questionnaires:SUS_MODIFIED",
+        "tlx_raw": "study.definition.builtin_questionnaires:TLX_RAW",
+    },
+    methods=(),
+)
 
-REGISTRIES = {"arbiter": ARBITERS, "inference": INFERENCES}
+REGISTRIES = {"arbiter": ARBITERS, "inference": INFERENCES, "questionnaire": QUESTIONNAIRES}
 
 
 def shelf(trust: bool = False) -> Shelf:

@@ -13,6 +13,7 @@ from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import DistractorSettings, Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
+from study.parts.shelf import Shelf
 
 
 def cross_problems(
@@ -20,6 +21,7 @@ def cross_problems(
     layouts: Collection[str],
     objects: Collection[str],
     bins: Collection[str] | None,
+    shelf: Shelf | None = None,
 ) -> Iterator[Problem]:
     """Every clash in the data; `layouts` may map a layout to its number of slots (see `study.load_study`)."""
     layout = data.get("layout")
@@ -29,9 +31,14 @@ def cross_problems(
     for field, choices in known.items():
         names = _texts(data.get(field))
         for position, name in names:
-            if choices is not None and name not in choices:
-                hint = f", or your own in {name}.toml beside this file" if field == "surveys" else ""
-                yield Problem((field, position), choices_sentence(name, choices, field) + hint)
+            if choices is None or name in choices:
+                continue
+            if field == "surveys":  # what packages bring takes a while to look up
+                there_are = dict.fromkeys((*choices, *(shelf.registries["questionnaire"].names if shelf else ())))
+                hint = f", or your own in {name}.toml beside this file"
+                yield Problem((field, position), choices_sentence(name, there_are, field) + hint)
+            else:
+                yield Problem((field, position), choices_sentence(name, choices, field))
         yield from _repeated(field, [(position, name, (field, position)) for position, name in names])
     chosen = len(_texts(data.get("objects")))
     slots = layouts.get(layout) if isinstance(layouts, Mapping) and isinstance(layout, str) else None

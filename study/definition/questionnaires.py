@@ -1,9 +1,9 @@
 """A study's own questionnaires, and what its participants were asked.
 
 A name in `surveys` that is not built in stands for a questionnaire of the study's own: a file `NAME.toml` beside the
-study file, or a table `[[questionnaires]]` in it. A file beside it is copied into the study's text when the study is
-loaded (`as_tables`), so that the text and its hash hold everything: stored, exported and run again, a study needs no
-other file.
+study file, a table `[[questionnaires]]` in it, or what an installed package brings (`packaged_questionnaires`). A file
+is copied into the study's text when the study is loaded (`as_tables`), so that the text and its hash hold everything:
+stored, exported and run again, a study needs no other file.
 """
 
 from __future__ import annotations
@@ -97,11 +97,11 @@ def file_problems(source: bytes, name: str) -> tuple[str, ...]:
     return report(name, text, data, found).problems if found else ()
 
 
-def as_tables(name: str, source: bytes) -> str:
-    """A checked questionnaire file as `[[questionnaires]]` of a study file."""
+def as_tables(name: str, source: bytes, origin: str = "as it stood beside this file") -> str:
+    """A checked questionnaire file as `[[questionnaires]]` of a study file; `origin` says where it is from."""
     data, _ = parse_toml(source, name)
     items = data.pop("items")
-    lines = ["", f"# {name}.toml, as it stood beside this file", "[[questionnaires]]"]
+    lines = ["", f"# {name}.toml, {origin}", "[[questionnaires]]"]
     lines += [f"{key} = {_toml(value)}" for key, value in {"id": name, **data}.items()]
     for item in items:
         lines += ["", "[[questionnaires.items]]", *(f"{key} = {_toml(value)}" for key, value in item.items())]

@@ -24,6 +24,7 @@ from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
 from study.definition.checks import cross_problems
 from study.definition.field_types import Flag, Identifier, Part, Text, number
 from study.definition.named_parts import part_problems, sources_beside
+from study.definition.packaged_questionnaires import packaged_questionnaire
 from study.definition.questionnaires import Questionnaire, as_tables, file_problems, own_ids
 from study.definition.sections import (
     ArbiterSettings,
@@ -42,6 +43,7 @@ from study.definition.sections import (
 )
 from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
 from study.parts.code import Code
+from study.parts.errors import PartError
 from study.parts.shelf import Shelf
 from study.records import TICK_S, StudyError
 
@@ -162,10 +164,10 @@ def load_study(
 ) -> Study:
     """Read a study file; None means the paper's study.
 
-    Questionnaires in files beside it become a part of its text, and so does the source of every part it names that does
-    not ship (`shelf` knows which do; without one, parts are not looked at). Code beside the file runs only if the shelf
-    trusts it. `layouts`, `objects` and `bins` are the ids the
-    simulated world knows. When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
+    Questionnaires in files beside it, or of installed packages, become a part of its text, and so does the source of
+    every part it names that does not ship (`shelf` knows which do; without one, parts are not looked at). Code beside
+    the file runs only if the shelf trusts it. `layouts`, `objects` and `bins` are the ids the simulated world knows.
+    When `layouts` is a mapping, its values are the numbers of slots for objects. Raises
     `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
@@ -184,11 +186,21 @@ def load_study(
         if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
-        if not beside.is_file():
+        try:
+            brought = packaged_questionnaire(name, shelf.registries["questionnaire"]) if shelf is not None else None
+            if brought is not None and beside.is_file():
+                raise PartError(f"stands in {beside.name} and is brought by {brought[1]} as well; rename the file")
+        except PartError as error:
+            place = ("surveys", names.index(name))
+            problems += report(str(file), text, data, [Problem(place, str(error))]).problems
+            added.append(_PLACEHOLDER.format(name=name))
             continue
-        found = file_problems(form := _read(beside), str(beside))
-        problems += found
-        added.append(as_tables(name, form) if not found else _PLACEHOLDER.format(name=name))
+        if brought is not None:
+            added.append(as_tables(name, brought[0], f"as {brought[1]} brought it"))
+        elif beside.is_file():
+            found = file_problems(form := _read(beside), str(beside))
+            problems += found
+            added.append(as_tables(name, form) if not found else _PLACEHOLDER.format(name=name))
     if added:
         source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
     try:
@@ -234,7 +246,7 @@ def parse_study(
     reserved = [
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
-    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins)]
+    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins, shelf)]
     if shelf is not None:
         wrong += part_problems(data, shelf)
     if wrong:
