@@ -151,6 +151,11 @@ _WEIGHTS = ("alpha", "beta", "gamma")
 """What stands first in the record."""
 
 
+def setup_to_end(study: Study) -> StudySetup:
+    """What a session whose parts cannot be used is ended with: it has the words, and makes no trial."""
+    return StudySetup(study, LAYOUTS[study.layout], None, {}, {})
+
+
 def study_setup(study: Study, trust: bool = False) -> StudySetup:
     """The study with its layout and parts; alpha is calibrated if any condition asks for it (about a second).
 

@@ -3,7 +3,7 @@ source of those that do not ship with the lab."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,11 +67,16 @@ def codes_of(data: Mapping[str, Any]) -> tuple[Code, ...]:
     return tuple(CodeText.model_validate(table).code for table in tables if not model_problems(CodeText, table))
 
 
-def part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
-    """Parts that are unknown or broken, and what they take that they cannot.
+def part_problems(data: Mapping[str, Any], shelf: Shelf, told: Collection[FieldPath] = ()) -> Iterator[Problem]:
+    """Parts that are unknown or broken, and what they take that they cannot. `told`: places of parts whose source could
+    not be read, which is all there is to say about them.
 
     What may not run (see `Shelf`) is not loaded, and what it takes is not looked at.
     """
+    return (problem for problem in _part_problems(data, shelf) if problem.path not in told)
+
+
+def _part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
     codes = codes_of(data)
     for number, code in enumerate(codes):
         if code.is_beside and sha256_of(code.files) != code.sha256:

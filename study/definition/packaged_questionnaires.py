@@ -34,7 +34,9 @@ def packaged_questionnaire(name: str, registry: Registry) -> tuple[bytes, str] |
     elif isinstance(brought, str):
         source = brought.encode()
     else:
-        raise PartError(f"{called}: {found.place} is a {type(brought).__name__}; it must be a text or a pathlib.Path")
+        raise PartError(
+            f"{called}: {found.place} is of type {type(brought).__name__}; it must be a text or a pathlib.Path"
+        )
     problems = file_problems(source, f"{name}.toml")
     if problems:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""

@@ -41,7 +41,7 @@ from study.definition.sections import (
     RobotSettings,
     Texts,
 )
-from study.definition.toml_reader import Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
 from study.parts.code import Code
 from study.parts.errors import PartError
 from study.parts.shelf import Shelf
@@ -177,6 +177,7 @@ def load_study(
     names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
     added: list[str] = []
     problems: list[str] = []
+    found_wrong: list[Problem] = []
     if shelf is not None:
         codes, found_wrong = sources_beside(data, file.parent, shelf)
         added += [code.as_table() for code in codes]
@@ -204,7 +205,7 @@ def load_study(
     if added:
         source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
     try:
-        study = parse_study(source, name=str(file), layouts=layouts, objects=objects, bins=bins, shelf=shelf)
+        study = _parsed(source, str(file), layouts, objects, bins, shelf, [problem.path for problem in found_wrong])
     except StudyFileError as error:
         raise StudyFileError([*error.problems, *problems]) from None
     if problems:
@@ -241,6 +242,19 @@ def parse_study(
     shelf: Shelf | None = None,
 ) -> Study:
     """A study from the text of its file; as `load_study`."""
+    return _parsed(source, name, layouts, objects, bins, shelf)
+
+
+def _parsed(
+    source: bytes | str,
+    name: str,
+    layouts: Collection[str],
+    objects: Collection[str],
+    bins: Collection[str] | None,
+    shelf: Shelf | None,
+    told: Collection[FieldPath] = (),
+) -> Study:
+    """`told`: places of parts about which everything is told already."""
     raw = source.encode() if isinstance(source, str) else source
     data, text = parse_toml(raw, name)
     reserved = [
@@ -248,7 +262,7 @@ def parse_study(
     ]
     wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, layouts, objects, bins, shelf)]
     if shelf is not None:
-        wrong += part_problems(data, shelf)
+        wrong += part_problems(data, shelf, told)
     if wrong:
         raise report(name, text, data, wrong)
     return Study.model_validate(

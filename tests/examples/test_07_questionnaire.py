@@ -66,8 +66,8 @@ def test_without_the_package_the_ones_there_are_are_named(site: Path, tmp_path: 
     study.write_text(PACKAGED.read_text(encoding="utf-8").replace('"teamwork"', '"teamworks"'), encoding="utf-8")
     said = text_and_check(site, study)[0].splitlines()
     assert said[0] == (
-        'study.toml:11: surveys[1] = "teamworks": not known; did you mean teamwork? surveys: sus_modified, tlx_raw, '
-        "teamwork, or your own in teamworks.toml beside this file"
+        'study.toml:13: surveys[1] = "teamworks": not known; did you mean '
+        "'teamwork'? surveys: sus_modified, tlx_raw, teamwork, or your own in teamworks.toml beside this file"
     )
 
 
@@ -77,7 +77,7 @@ def test_a_name_in_a_file_and_in_a_package_is_an_error(site: Path, tmp_path: Pat
     (tmp_path / "teamwork.toml").write_bytes((EXAMPLE / "calm.toml").read_bytes())
     said, _ = text_and_check(site, study)
     assert said.splitlines()[0] == (
-        'study.toml:11: surveys[1] = "teamwork": stands in teamwork.toml and is brought by salab-team-scales 1.0 as '
+        'study.toml:13: surveys[1] = "teamwork": stands in teamwork.toml and is brought by salab-team-scales 1.0 as '
         "well; rename the file"
     )
 
@@ -87,7 +87,7 @@ def test_a_name_in_a_file_and_in_a_package_is_an_error(site: Path, tmp_path: Pat
     [
         (
             "TEAMWORK = 7",
-            "questionnaire 'teamwork' of salab-team-scales 1.0: team_scales:TEAMWORK is a int; it must be "
+            "questionnaire 'teamwork' of salab-team-scales 1.0: team_scales:TEAMWORK is of type int; it must be "
             "a text or a pathlib.Path",
         ),
         (
@@ -110,6 +110,6 @@ def test_one_that_is_broken_is_one_line(source: str, told: str, site: Path) -> N
     (site / "team_scales" / "__init__.py").write_text(source, encoding="utf-8")
     said = text_and_check(site, PACKAGED)[0].splitlines()
     assert said == [
-        f'study_with_package.toml:11: surveys[1] = "teamwork": {told}',
+        f'study_with_package.toml:13: surveys[1] = "teamwork": {told}',
         "study_with_package.toml: 1 problem",
     ]
