@@ -343,7 +343,11 @@ def test_a_file_that_is_broken_is_one_line(
             "did you mean 'balanced'? arbiters: teleoperation, goal_oriented, balanced, "
             "or your own as file.py:Class in a file beside this one",
         ),
-        ("../evil.py:X", "; a file beside the study file is named as blend.py:Blend"),
+        (
+            "../evil.py:X",
+            'conditions[1].arbiter = "../evil.py:X": must be a name, or file.py:Class for one in a file beside this '
+            "one",
+        ),
         ("blend.py", "; a file beside the study file is named as blend.py:Blend"),
     ],
 )
