@@ -162,6 +162,11 @@ def study_hash(lab: LabServer, participant: str) -> str:
         return found
 
 
+def again(lab: LabServer, link: str) -> str:
+    """A link, where the lab is now: it was started again, on another port."""
+    return f"{lab.base_url}/p/{link.rpartition('/')[2]}"
+
+
 async def resumed(player: Player) -> None:
     """Go on with the trial that a restart of the lab interrupted."""
     page = await player.page("paused")
@@ -178,10 +183,16 @@ def still_serves(lab: LabServer, refused: str) -> None:
     assert seen_by_experimenter(lab, newcomer)["state"] == "consent"
     scores = asked(lab, "GET", "summary").json()
     assert scores["trials"]["running"] == 1
-    assert refused in {line["participant"] for line in asked(lab, "GET", "roster").json()["participants"]}
+    assert refused in {line["participant"] for line in asked(lab, "GET", "roster").json()["lines"]}
     answer = asked(lab, "POST", f"participants/{refused}/withdraw", {"reason": "wants to stop", "keep": True})
     assert (answer.status_code, answer.json()) == (200, {"participant": refused, "state": "withdrawn"})
     assert asked(lab, "GET", "summary").json()["trials"] == {**scores["trials"], "running": 0, "aborted": 1}
+
+
+def turned_away_because(ended: LabServer) -> str:
+    """The one line of its log about a page that was refused."""
+    (line,) = [line for line in ended.log().splitlines() if "turned away" in line]
+    return line.partition("turned away: ")[2]
 
 
 async def turned_away(link: str) -> bool:
@@ -207,7 +218,7 @@ async def test_who_began_with_a_files_source_goes_on_with_it_and_newcomers_get_t
     write(tmp_path, with_blend(), SECOND_EDITION)
     with start_lab(*served, data_dir=data) as lab:
         second = invite(lab)
-        async with visit(first["link"]) as player:
+        async with visit(again(lab, first["link"])) as player:
             await resumed(player)
             assert await edition_of(lab, first["participant"], player) == 1, "the source they were enrolled with"
         assert study_hash(lab, first["participant"]) != study_hash(lab, second["participant"])
@@ -220,10 +231,9 @@ async def test_who_began_with_a_files_source_goes_on_with_it_and_newcomers_get_t
     reason = "arbiter 'blend.py:Blend' is code from a file beside the study file; it runs only with --trust"
     assert str(caught.value).splitlines()[1:] == [f"salab: {reason}"]
     with start_lab(*LIVE, data_dir=data) as lab:  # the study that ships: new people need nothing of that code
-        assert await turned_away(first["link"])
-        (said,) = [line for line in lab.log().splitlines() if "turned away" in line]
-        assert said.endswith(f"{first['participant']} cannot go on: {reason}")
+        assert await turned_away(again(lab, first["link"]))
         still_serves(lab, first["participant"])
+    assert turned_away_because(lab) == f"{first['participant']} cannot go on: {reason}"
 
 
 @pytest.mark.slow
@@ -243,19 +253,19 @@ async def test_a_package_whose_source_changed_refuses_who_began_with_the_one_bef
     info = site / "salab_predict_then_act-1.0.dist-info" / "METADATA"
     info.write_text(info.read_text(encoding="utf-8").replace("Version: 1.0", "Version: 1.1"), encoding="utf-8")
     with start_lab(*served, data_dir=data, environment=installed_at(site)) as lab:
-        assert await turned_away(first["link"])
+        assert await turned_away(again(lab, first["link"]))
         answer = asked(lab, "POST", f"sessions/{first['participant']}/resume", {"reason": None})
         reason = answer.json()["detail"]
-        assert answer.status_code == 409
+        assert answer.status_code == 503
         assert reason.startswith(
             f"{first['participant']} cannot go on: arbiter 'predict_then_act' was salab-predict-then-act 1.0, source "
         )
         assert "when the study was made; here it is salab-predict-then-act 1.1, " in reason
         assert reason.endswith(". Install that version to go on") and "\n" not in reason
-        assert [line for line in lab.log().splitlines() if "turned away" in line and line.endswith(reason)]
         newcomer = invite(lab)["participant"]
         assert study_hash(lab, newcomer) != before
         still_serves(lab, first["participant"])
+    assert turned_away_because(lab) == reason
 
 
 # --- code of a stranger --------------------------------------------------------------------------------------------

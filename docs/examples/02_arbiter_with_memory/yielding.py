@@ -51,7 +51,7 @@ class Yielding(Arbiter):
     @property
     def needed(self) -> float:
         """How probable a goal must be by now."""
-        corrections = self.memory["corrections"]
+        corrections: int = self.memory["corrections"]
         learnt = corrections / (corrections + self.parameters.patience)
         return self.parameters.confidence + (1.0 - self.parameters.confidence) * learnt
 
