@@ -20,7 +20,7 @@ from app.session.history import KEPT_EVENTS
 from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
-from app.trial.setup import StudySetup, study_setup
+from app.trial.setup import StudySetup, setup_to_end, study_setup
 from app.trial.values import CycleStart, cycle_from_json, inputs_of
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
@@ -39,6 +39,8 @@ PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0
 """A session without a page for this long gives its worker back; it comes back with its page."""
 ROLES = ("participant", "panel")
+_ENDING = ("abort", "withdraw")
+"""Commands after which nothing of a session runs any more: they work whatever became of its parts."""
 
 
 @dataclass(frozen=True)
@@ -310,13 +312,16 @@ class Lab:
         """The participant's session if it is live."""
         return self._live.get(participant)
 
-    async def session(self, stored: StoredSession) -> LiveSession:
-        """The participant's live session, brought up where it was left if need be."""
+    async def session(self, stored: StoredSession, to_end: bool = False) -> LiveSession:
+        """The participant's live session, brought up where it was left if need be.
+
+        `to_end`: it is brought up to be ended, which takes nothing of what it ran with. Raises `StudyUnreadable`.
+        """
         participant = stored.participant
         async with self._opening.setdefault(participant, asyncio.Lock()):
             if participant not in self._live:
                 fresh = await self.stored_session(participant)  # it may have been erased meanwhile
-                session = await self._bring_up(fresh)
+                session = await self._bring_up(fresh, to_end or fresh.session.is_over)
                 await session.open()
                 self._live[participant] = session
                 self.changed(participant)
@@ -328,7 +333,7 @@ class Lab:
 
         Raises `NoSuchParticipant`, and `app.session.commands.NotNow` when the session has moved on.
         """
-        session = await self.session(await self.stored_session(participant))
+        session = await self.session(await self.stored_session(participant), command.name in _ENDING)
         await session.command(command, by)
         return session
 
@@ -345,21 +350,27 @@ class Lab:
         except StudyError:
             raise NoSuchParticipant(f"no participant {participant!r}") from None
 
-    async def _bring_up(self, stored: StoredSession) -> LiveSession:
-        setup = await self._setup_of(stored)
-        plan = plan_session(setup.study, stored.order, stored.seed)
+    async def _bring_up(self, stored: StoredSession, to_end: bool) -> LiveSession:
+        study, can_run = await self.study_of(stored), True
+        try:
+            setup = await self._setup_of(stored)
+        except StudyUnreadable:
+            if not to_end:
+                raise
+            setup, can_run = setup_to_end(study), False
+        plan = plan_session(study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
         resumed = await self.store.run(lambda store: _resumed(store, stored, setup))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         services = LabServices(
             store=self.store,
-            study=setup.study,
+            study=study,
             distractor=setup.distractor,
             config=self.config,
             labels=setup.labels(),
             start_worker=self._start_worker,
-            make_spec=lambda kind, trial: self._worker_spec(enrolment, setup, kind, trial),
+            make_spec=lambda kind, trial: self._worker_spec(enrolment, setup if can_run else None, kind, trial),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             now_unix_s=self._now_unix_s,
             changed=self.changed,
@@ -400,9 +411,11 @@ class Lab:
         return self.link(await self.new_token(participant, "panel"), "panel")
 
     async def _worker_spec(
-        self, enrolment: Enrolment, setup: StudySetup, kind: Literal["practice", "trial"], trial: int
-    ) -> WorkerSpec:
-        """A worker that takes the phase up where the log ends."""
+        self, enrolment: Enrolment, setup: StudySetup | None, kind: Literal["practice", "trial"], trial: int
+    ) -> WorkerSpec | None:
+        """A worker that takes the phase up where the log ends; None without a set-up."""
+        if setup is None:
+            return None
         participant, practice = enrolment.participant, kind == "practice"
 
         def read(store: Store) -> tuple[CycleStart, tuple[Any, ...]]:

@@ -103,7 +103,7 @@ class LabServices:
     labels: Labels
     start_worker: Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], WorkerHandle]
     """(spec, on report, on exit) -> a started worker."""
-    make_spec: Callable[[WorkerKind, int], Awaitable[WorkerSpec]]
+    make_spec: Callable[[WorkerKind, int], Awaitable[WorkerSpec | None]]
     """(kind, trial) -> a worker's spec, with the log of the current cycle."""
     trial_row: Callable[[int], TrialRow]
     """trial -> its row as it begins."""

@@ -58,12 +58,14 @@ class WorkerLink:
         return self._handle is not None
 
     async def start(self, kind: WorkerKind, trial: int) -> None:
-        """Start a worker where the record ends."""
+        """Start a worker where the record ends; none for a session that can only be ended."""
         self.epoch += 1
         epoch = self.epoch
         self.faulted = False
         self.ready, self.scene_port, self.spectator_port = False, None, None
         spec = await self._services.make_spec(kind, trial)
+        if spec is None:
+            return
         self.setup = spec.setup
         self._handle = self._services.start_worker(
             spec, lambda report: self._on_report(epoch, report), lambda: self._on_exit(epoch)

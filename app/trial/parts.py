@@ -1,6 +1,6 @@
-"""The parts a study may name, and how they are made: arbiters, goal inferences and distractors.
+"""The parts a study may name, and how they are made: arbiters, goal inferences, distractors, questionnaires.
 
-Every one is a row of a table, or registered by an installed package, or a class in a file beside the study file.
+Every one is a row of a table, or registered by an installed package, or in a file beside the study file.
 """
 
 from __future__ import annotations
@@ -46,7 +46,21 @@ DISTRACTORS = Registry(
     },
     methods=("Parameters", "due_s", "deadline_s", "stimulus", "right_answer", "is_right", "simulated_answer"),
 )
-REGISTRIES: Mapping[str, Registry] = {"arbiter": ARBITERS, "inference": INFERENCES, "distractor": DISTRACTORS}
+QUESTIONNAIRES = Registry(
+    noun="questionnaire",
+    group="salab.questionnaires",
+    shipped={
+        "sus_modified": "study.definition.builtin_questionnaires:SUS_MODIFIED",
+        "tlx_raw": "study.definition.builtin_questionnaires:TLX_RAW",
+    },
+    methods=(),
+)
+REGISTRIES: Mapping[str, Registry] = {
+    "arbiter": ARBITERS,
+    "inference": INFERENCES,
+    "distractor": DISTRACTORS,
+    "questionnaire": QUESTIONNAIRES,
+}
 
 
 def shelf(trust: bool = False) -> Shelf:

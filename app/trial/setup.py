@@ -21,7 +21,7 @@ from app.trial.world import layout_of
 from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
 from study.definition.named_parts import parameters_of
-from study.definition.sections import MODEL_FIELDS, ArbiterSettings
+from study.definition.sections import MODEL_FIELDS, ArbiterSettings, DistractorSettings
 from study.definition.study import SessionPlan, Study
 from study.flow.distractors.interface import Distractor
 from study.parts.shelf import Named, code_among
@@ -147,6 +147,13 @@ class StudySetup:
 
 _WEIGHTS = ("alpha", "beta", "gamma")
 """What stands first in the record."""
+
+
+def setup_to_end(study: Study) -> StudySetup:
+    """What a session whose parts cannot be used is ended with: it has the words, and makes no trial."""
+    common = study.distractor.model_dump(include=set(DistractorSettings.model_fields) - {"kind"})
+    readings = make_distractor(DistractorSettings(**common))
+    return StudySetup(study, layout_of(study), None, {}, {}, readings)
 
 
 def study_setup(study: Study, trust: bool = False) -> StudySetup:

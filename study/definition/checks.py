@@ -15,10 +15,11 @@ from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import DistractorSettings, Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
+from study.parts.shelf import Shelf
 
 
-def cross_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterator[Problem]:
-    """Every clash in the data; `world` tells what the robot cannot reach or hold."""
+def cross_problems(data: Mapping[str, Any], world: WorldCheck | None, shelf: Shelf | None = None) -> Iterator[Problem]:
+    """Every clash in the data; `world` tells what the robot cannot reach or hold, `shelf` which parts there are."""
     places = known_places(data)
     layout = data.get("layout")
     is_layout_known = isinstance(layout, str) and layout in places
@@ -30,9 +31,13 @@ def cross_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterato
     for field in ("objects", "bins", "surveys"):
         names = _texts(data.get(field))
         for position, name in names:
-            if field in known and name not in known[field]:
-                hint = _or_own(name) if field == "surveys" else ""
-                yield Problem((field, position), choices_sentence(name, known[field], field) + hint)
+            if field not in known or name in known[field]:
+                continue
+            if field == "surveys":  # what packages bring takes a while to look up
+                there_are = dict.fromkeys((*known[field], *(shelf.registries["questionnaire"].names if shelf else ())))
+                yield Problem((field, position), choices_sentence(name, there_are, field) + _or_own(name))
+            else:
+                yield Problem((field, position), choices_sentence(name, known[field], field))
         yield from _repeated(field, [(position, name, (field, position)) for position, name in names])
     chosen = len(_texts(data.get("objects")))
     room = places.get(layout) if isinstance(layout, str) else None

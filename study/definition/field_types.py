@@ -24,15 +24,8 @@ Flag = Annotated[bool, Field(strict=True)]
 Link = Annotated[str, BeforeValidator(_link)]
 ParameterName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", strict=True)]
 """What a parameter in a link is called, such as PROLIFIC_PID."""
-PartName = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=100,
-        pattern=r"^(?:[A-Za-z0-9][A-Za-z0-9_.-]*|[A-Za-z_][A-Za-z0-9_]*\.py:[A-Za-z_][A-Za-z0-9_]*)$",
-        strict=True,
-    ),
-]
+PART_NAME = r"^(?:[A-Za-z0-9][A-Za-z0-9_.-]*|[A-Za-z_][A-Za-z0-9_]*\.py:[A-Za-z_][A-Za-z0-9_]*)$"
+PartName = Annotated[str, Field(min_length=1, max_length=100, pattern=PART_NAME, strict=True)]
 """A part's name, or `file.py:Class` for one in a file beside the study file."""
 
 

@@ -3,11 +3,12 @@ source of those that do not ship with the lab."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from study.definition.field_types import Part
+from study.definition.field_types import PART_NAME, Part
 from study.definition.part_fields import field_names, parameter_problems
 from study.definition.sections import (
     MODEL_FIELDS,
@@ -31,7 +32,8 @@ _NAMED: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 
 def named_parts(data: Mapping[str, Any]) -> Iterator[tuple[str, str, FieldPath]]:
-    """(kind, name, place in the file) of every part that the unchecked data of a study file names."""
+    """(kind, name, place in the file) of every part that the unchecked data of a study file names. What cannot be a
+    name is left out: that is told as of any other field."""
     conditions = data.get("conditions")
     for number, condition in enumerate(conditions if isinstance(conditions, list) else []):
         if isinstance(condition, Mapping):
@@ -46,7 +48,7 @@ def _named(data: Mapping[str, Any], path: tuple[str, ...], kind: str, place: Fie
     value: Any = data
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None
-    if isinstance(value, str):
+    if _is_name(value):
         yield kind, value, (*place, *path)
 
 
@@ -85,11 +87,16 @@ def codes_of(data: Mapping[str, Any]) -> tuple[Code, ...]:
     return tuple(CodeText.model_validate(table).code for table in tables if not model_problems(CodeText, table))
 
 
-def part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
-    """Parts that are unknown or broken, and what they take that they cannot.
+def part_problems(data: Mapping[str, Any], shelf: Shelf, told: Collection[FieldPath] = ()) -> Iterator[Problem]:
+    """Parts that are unknown or broken, and what they take that they cannot. `told`: places of parts whose source could
+    not be read, which is all there is to say about them.
 
     What may not run (see `Shelf`) is not loaded, and what it takes is not looked at.
     """
+    return (problem for problem in _part_problems(data, shelf) if problem.path not in told)
+
+
+def _part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
     codes = codes_of(data)
     for number, code in enumerate(codes):
         if code.is_beside and sha256_of(code.files) != code.sha256:
@@ -131,7 +138,7 @@ def _taken(
     shared: Mapping[str, Any],
 ) -> Iterator[Problem]:
     """What is wrong with the part that a table names, and with what the table says it takes."""
-    if not isinstance(name, str):
+    if not isinstance(name, str) or not _is_name(name):
         return
     code = code_among(codes, kind, name)
     known = shelf.registries[kind].names
@@ -159,6 +166,10 @@ def _taken(
     for problem in found:
         if not (problem.path and problem.path[0] in _BASES[kind].model_fields):  # told with the file's own fields
             yield Problem((*place, *problem.path), problem.sentence)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and re.fullmatch(PART_NAME, value) is not None
 
 
 class _ConditionFields(Condition):

@@ -1,9 +1,9 @@
 """A study's own questionnaires, and what its participants were asked.
 
 A name in `surveys` that is not built in stands for a questionnaire of the study's own: a file `NAME.toml` beside the
-study file, or a table `[[questionnaires]]` in it. A file beside it is copied into the study's text when the study is
-loaded, so that the text and its hash hold everything: stored, exported and run again, a study needs no
-other file.
+study file, a table `[[questionnaires]]` in it, or what an installed package brings (`packaged_questionnaires`). A file
+is copied into the study's text when the study is loaded, so that the text and its hash hold everything: stored,
+exported and run again, a study needs no other file.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -36,6 +36,7 @@ from study.definition.layouts import (
     shipped_layouts,
 )
 from study.definition.named_parts import code_table, part_problems, sources_beside
+from study.definition.packaged_questionnaires import packaged_questionnaire
 from study.definition.questionnaires import Questionnaire, file_problems, own_ids
 from study.definition.sections import (
     ArbiterSettings,
@@ -52,9 +53,18 @@ from study.definition.sections import (
     RobotSettings,
     Texts,
 )
-from study.definition.toml_reader import FileBeside, Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.toml_reader import (
+    FieldPath,
+    FileBeside,
+    Problem,
+    StudyFileError,
+    model_problems,
+    parse_toml,
+    report,
+)
 from study.definition.toml_writer import as_table, long_text, toml
 from study.parts.code import Code
+from study.parts.errors import PartError
 from study.parts.shelf import Shelf
 from study.records import TICK_S, StudyError
 
@@ -174,15 +184,15 @@ class Study(Part):
 def load_study(path: Path | str | None, *, world: WorldCheck | None = None, shelf: Shelf | None = None) -> Study:
     """Read a study file; None means the paper's study.
 
-    Questionnaires, the layout and meshes in files beside it become a part of its text, and so does the source of every
-    part it names that does not ship. `world` tells what the robot cannot reach or hold (`app.trial.world`), `shelf`
-    which parts there are and whose code may run; without one, parts are not looked at. Raises `StudyFileError` with one
-    line for every problem.
+    Questionnaires, the layout and meshes in files beside it become a part of its text, and so do questionnaires of
+    installed packages and the source of every part it names that does not ship. `world` tells what the robot cannot
+    reach or hold (`app.trial.world`), `shelf` which parts there are and whose code may run; without one, parts are not
+    looked at. Raises `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
-    source, beside, problems = _with_files_beside(file, shelf)
+    source, beside, problems, told = _with_files_beside(file, shelf)
     try:
-        study = parse_study(source, name=str(file), world=world, shelf=shelf, beside=beside)
+        study = parse_study(source, name=str(file), world=world, shelf=shelf, beside=beside, told=told)
     except StudyFileError as error:
         raise StudyFileError([*error.problems, *problems]) from None
     if problems:
@@ -193,30 +203,35 @@ def load_study(path: Path | str | None, *, world: WorldCheck | None = None, shel
 def drafted(path: Path) -> LayoutInUse | None:
     """The layout of a study file that may have problems, for a picture of them; None when it cannot be read."""
     try:
-        source, _, _ = _with_files_beside(path, None)
+        source, *_ = _with_files_beside(path, None)
         return in_use(parse_toml(source, str(path))[0])
     except StudyFileError:
         return None
 
 
-def _with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[FileBeside], list[str]]:
-    """A study file's text with that of the files beside it, those files, and what keeps one from being read."""
+def _with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[FileBeside], list[str], list[FieldPath]]:
+    """A study file's text with that of the files beside it, those files, what keeps one from being read, and the places
+    of parts of which that is told."""
     source = _read(file)
     data, text = parse_toml(source, str(file))
     problems: list[str] = []
     added, beside = _layout_beside(file, data, problems)
-    added = [*_questionnaires_beside(file, data, problems), *added]
+    unread: list[Problem] = []
+    added = [*_questionnaires_beside(file, data, shelf, problems, unread), *added]
     if shelf is not None:
-        codes, unread = sources_beside(data, file.parent, shelf)
+        codes, unread_code = sources_beside(data, file.parent, shelf)
         added += [code_table(code) for code in codes]
-        problems += report(str(file), text, data, unread).problems if unread else ()
+        unread += unread_code
+    problems += report(str(file), text, data, unread).problems if unread else ()
     if added:
         source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
-    return source, beside, problems
+    return source, beside, problems, [problem.path for problem in unread]
 
 
-def _questionnaires_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> list[str]:
-    """What is added to the study's text for the questionnaires in files beside it."""
+def _questionnaires_beside(
+    file: Path, data: Mapping[str, Any], shelf: Shelf | None, problems: list[str], unread: list[Problem]
+) -> list[str]:
+    """What is added to the study's text for the questionnaires in files beside it and of installed packages."""
     named = data.get("surveys")
     names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
     added = []
@@ -224,11 +239,20 @@ def _questionnaires_beside(file: Path, data: Mapping[str, Any], problems: list[s
         if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
-        if not beside.is_file():
+        try:
+            brought = packaged_questionnaire(name, shelf.registries["questionnaire"]) if shelf is not None else None
+            if brought is not None and beside.is_file():
+                raise PartError(f"stands in {beside.name} and a package has one of that name; rename the file")
+        except PartError as error:
+            unread.append(Problem(("surveys", names.index(name)), str(error)))
+            added.append(_PLACEHOLDER.format(name=name))
             continue
-        found = file_problems(text := _read(beside), str(beside))
+        if brought is None and not beside.is_file():
+            continue
+        text, origin = brought or (_read(beside), "as it stood beside this file")
+        found = file_problems(text, str(beside))
         problems += found
-        usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0]) if not found else None
+        usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0], origin) if not found else None
         added.append(usable or _PLACEHOLDER.format(name=name))
     return added
 
@@ -289,16 +313,18 @@ def parse_study(
     world: WorldCheck | None = None,
     shelf: Shelf | None = None,
     beside: Sequence[FileBeside] = (),
+    told: Collection[FieldPath] = (),
 ) -> Study:
-    """A study from the text of its file; as `load_study`. `beside` are the files whose text it has taken in."""
+    """A study from the text of its file; as `load_study`. `beside` are the files whose text it has taken in, `told`
+    the places of parts about which everything is told already."""
     raw = source.encode() if isinstance(source, str) else source
     data, text = parse_toml(raw, name)
     reserved = [
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
-    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, world)]
+    wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, world, shelf)]
     if shelf is not None:
-        wrong += part_problems(data, shelf)
+        wrong += part_problems(data, shelf, told)
     if wrong:
         raise report(name, text, data, wrong, beside)
     return Study.model_validate(

@@ -11,9 +11,12 @@ from typing import Any
 _BARE = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
-def as_table(field: str, name: str, data: Mapping[str, Any]) -> str:
-    """The data of `NAME.toml` as one more `[[field]]` with `id = "NAME"`, with a blank line before it."""
-    lines = ["", f"# {name}.toml, as it stood beside this file", f"[[{field}]]", f"id = {toml(name)}"]
+def as_table(field: str, name: str, data: Mapping[str, Any], origin: str = "as it stood beside this file") -> str:
+    """The data of `NAME.toml` as one more `[[field]]` with `id = "NAME"`, with a blank line before it.
+
+    `origin` says where it is from.
+    """
+    lines = ["", f"# {name}.toml, {origin}", f"[[{field}]]", f"id = {toml(name)}"]
     return "\n".join([*lines, *_table(field, data)]) + "\n"
 
 

@@ -263,7 +263,9 @@ class Player:
             if "round_trip" in page.content.get("checks", ()):
                 await self.measured()
             if page.state == "instructions":
-                await self._submit("instructions", {"answers": COMPREHENSION}, None)
+                asked = {question["id"] for question in page.content["questions"]}
+                answers = {name: answer for name, answer in COMPREHENSION.items() if name in asked}
+                await self._submit("instructions", {"answers": answers}, None)
             elif page.state.endswith("_ready"):
                 await self.status("ready")
                 await self._submit("start", {}, None)
