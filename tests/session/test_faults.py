@@ -44,7 +44,8 @@ UP = (0, 0, 1)
 FAULTY_TICK = 5
 """By then the arm is up as far as it goes: there is something that it cannot do."""
 PARTS = ROOT / "tests" / "support" / "parts" / "faulty.py"
-TWO_CYCLES = {**SHORT, "pickups_per_trial = 3 ": "pickups_per_trial = 2 "}
+TWO_CYCLES = {**SHORT, "pickups_per_trial = 3 ": "pickups_per_trial = 2 ", "enabled = true": "enabled = false"}
+"""And no readings, for which the hands leave the pad."""
 
 
 @dataclass(frozen=True)
@@ -227,14 +228,16 @@ async def test_a_counting_arbiter_survives_the_death_of_its_worker(start_lab: St
         await player.reach_trial()
         (worker,) = set(worker_pids(lab)) - others
         second_cycle_for, number = 0, 0
-        while second_cycle_for < 60:
+        while second_cycle_for < 40:
             now = act(player, pilot)
-            off = number % 4 == 1 and now.gripper is None
+            # The arbiter moves at a cycle's beginning alone: nobody who is led away all the time ever arrives.
+            in_cycle = second_cycle_for or number
+            off = in_cycle < 30 and in_cycle % 4 == 1 and now.gripper is None
             tick = await player.tick(None if off else now.direction, now.gripper)
             number += 1
             second_cycle_for += tick.done_tasks >= 2
             assert number < 600, "the first cycle does not end"
-            if second_cycle_for == 25:
+            if second_cycle_for == 15:
                 os.kill(worker, signal.SIGKILL)
                 await player.status("recovering")
                 await player.status("running")
@@ -252,4 +255,4 @@ async def test_a_counting_arbiter_survives_the_death_of_its_worker(start_lab: St
     engine.open()
     uninterrupted = [engine.tick(inputs_of(row)).row for row in rows]
     assert uninterrupted == [replace(row, started_utc=None, late_ms=None) for row in rows]
-    assert sum(row.source == "robot" and row.action_z == 1 for row in rows[-30:]) > 0
+    assert sum(row.source == "robot" and row.action_z == 1 for row in rows[-25:]) > 0
