@@ -23,6 +23,7 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
+from app.contracts.plugin import SUITES
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, ClientMessage, ServerMessage, Submit
 from docs import reference, words
 from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem, file_problems
@@ -106,6 +107,7 @@ def test_every_example_of_a_command_can_be_typed(line: str) -> None:
 
 def test_every_option_mentioned_by_itself_exists_somewhere() -> None:
     known = {option for command in COMMANDS for option in options_of(command)} | {"--help", "--version"}
+    known |= {"--pyargs", "--parameters", *(f"--{kind}" for kind in SUITES.values())}  # of pytest, for the contracts
     mentioned = {match for span in SPANS for match in re.findall(r"(?<![\w-])--[a-z][a-z-]*", span)}
     assert mentioned <= known
 
