@@ -20,7 +20,8 @@ from study.records import TickRow
 SEED = 2020
 MOST_TICKS = 600
 """An arbiter that leads away from everything is not followed for ever."""
-HANDS_OFF_EVERY = 4
+HANDS_OFF_EVERY, IN_THE_FIRST, OF_TICKS = 4, 24, 72
+"""When the person lets go. Nobody who is led away all the time ever arrives, so there are ticks without."""
 
 
 @cache
@@ -58,7 +59,8 @@ def _input(engine: TrialEngine, pilot: Pilot) -> UserInput:
     grasp_m = world.object(view.object).grasp_world_m
     sight = Sight(world.position_world_gripper_m, world.held, world.gripper, grasp_m, release_m)
     act = pilot.act(view.object, sight)
-    lets_go = engine.next_tick % HANDS_OFF_EVERY == 0 and act.gripper is None
+    tick = engine.next_tick
+    lets_go = tick % HANDS_OFF_EVERY == 0 and tick % OF_TICKS < IN_THE_FIRST and act.gripper is None
     return NO_INPUT if lets_go else act
 
 

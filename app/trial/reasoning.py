@@ -173,7 +173,7 @@ def _called(named: Named) -> str:
 
 def _short(value: object) -> str:
     try:
-        text = repr(value)
+        text = " ".join(repr(value).split())
     except Exception as error:
         text = f"something whose repr raises {type(error).__name__}"
     return text if len(text) <= 80 else text[:79] + "…"

@@ -40,7 +40,7 @@ def test_it_writes_an_arbiter_its_test_and_a_study_with_it(capsys: pytest.Captur
     *paper, own = study.conditions
     assert tuple(paper) == shipped.conditions
     assert (own.id, own.arbiter, own.parameters) == ("slow_blend", "slow_blend.py:SlowBlend", {"confidence": 0.6})
-    changed = {"title", "conditions", "consent", "texts"}
+    changed = {"title", "conditions", "consent", "instructions", "texts"}
     assert study.model_dump(exclude=changed | {"code"}) == shipped.model_dump(exclude=changed | {"code"})
     text = Path("slow_blend.toml").read_text(encoding="utf-8")
     assert "three rounds" not in text

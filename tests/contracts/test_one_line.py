@@ -9,7 +9,13 @@ from pathlib import Path
 
 import pytest
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 GOOD = """
 from dataclasses import dataclass
 from typing import Annotated
@@ -58,6 +64,22 @@ def test_parts_named_on_the_command_line_are_held_to_it(folder: Path) -> None:
     assert status == 0, said
     assert "skipped" not in said
     assert " passed" in said and "failed" not in said, said
+
+
+def test_an_installed_lab_brings_the_options_by_itself(folder: Path) -> None:
+    """As pip leaves it: pytest finds the entry point. Naming the plug-in as well loads it once."""
+    points = PROJECT["entry-points"]["pytest11"]
+    info = folder / "installed_lab-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: installed-lab\nVersion: 1.0\n", encoding="utf-8")
+    lines = [f"{name} = {place}" for name, place in points.items()]
+    (info / "entry_points.txt").write_text("[pytest11]\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    for named in ((), ("-p", "app.contracts.plugin")):
+        arguments = ("--pyargs", "app.contracts", "--arbiter", "teleoperation", "-k", "answers_with")
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *named, *arguments]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+        assert "1 passed" in done.stdout, done.stdout + done.stderr
 
 
 def test_only_what_is_named_is_looked_at_and_the_slowest_answer_is_told(folder: Path) -> None:

@@ -22,6 +22,7 @@ from pydantic import BaseModel
 from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
+from app.contracts.plugin import SUITES
 from app.trial.parts import shelf
 from app.trial.world import world_problems
 from app.wire import (
@@ -120,6 +121,7 @@ def test_every_example_of_a_command_can_be_typed(line: str) -> None:
 
 def test_every_option_mentioned_by_itself_exists_somewhere() -> None:
     known = {option for command in COMMANDS for option in options_of(command)} | {"--help", "--version"}
+    known |= {"--pyargs", "--parameters", *(f"--{kind}" for kind in SUITES.values())}  # of pytest, for the contracts
     mentioned = {match for span in SPANS for match in re.findall(r"(?<![\w-])--[a-z][a-z-]*", span)}
     assert mentioned <= known
 
