@@ -14,6 +14,7 @@ from typing import Any
 from app.autonomy.actions import DIRECTIONS, NULL_ACTION, Direction, index_of
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Explanation, Feasible, Part, State
+from app.errors import LabError
 from app.trial.parts import make_arbiter, make_inference
 from app.trial.values import CycleStart, TrialSetup
 from study.parts.errors import PartError
@@ -32,7 +33,7 @@ class TookTooLong(BaseException):
     """What a limit raises inside a part. No `Exception`, so that a part that catches everything does not catch it."""
 
 
-class PartFault(RuntimeError):
+class PartFault(LabError):
     """An arbiter or an inference did what cannot be used. The tick it was asked for did not happen.
 
     Attributes:
@@ -43,6 +44,10 @@ class PartFault(RuntimeError):
     def __init__(self, part: str, reason: str) -> None:
         self.part, self.reason = part, reason
         super().__init__(f"{part} {reason}")
+
+    def __reduce__(self) -> tuple[type[PartFault], tuple[str, str]]:
+        """A process that simulates people hands it over whole."""
+        return PartFault, (self.part, self.reason)
 
 
 class Reasoning:

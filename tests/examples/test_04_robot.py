@@ -2,41 +2,67 @@
 
 from __future__ import annotations
 
-import itertools
+import json
+import subprocess
+import sys
 from pathlib import Path
 
-import numpy as np
+import pytest
 
 from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import install_project, installed_at, salab
 
 EXAMPLE = ROOT / "docs" / "examples" / "04_robot"
+UP_TO_THE_CEILING = """
+import json
+import numpy as np
+from app.trial.robots import make_robot
+from sim.interface import run_tick, steady
+from sim.layouts import LAYOUTS, practice_scene
+
+robot = make_robot("low_ceiling")
+robot.reset(practice_scene(LAYOUTS["arc"]))
+for _ in range(5):
+    run_tick(robot, steady((1.0, 0.0, 0.0), 0.04))  # near its base the arm cannot be raised that far
+told = []
+for _ in range(30):
+    can = bool(robot.feasible(np.array([[0.0, 0.0, 0.02]]))[0])
+    verdict, world = run_tick(robot, steady((0.0, 0.0, 1.0), 0.04))
+    told.append([can, verdict.blocked, verdict.reason, world.position_world_gripper_m[2]])
+print(json.dumps(told))
+"""
 
 
-def test_it_moves_as_the_kinematic_robot_but_slowly_while_it_carries(tmp_path: Path) -> None:
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
     site = tmp_path / "site"
     site.mkdir()
     install_project(site, EXAMPLE)
-    steps_m = {}
-    for robot, environment in (("kinematic", None), ("careful", installed_at(site))):
-        out = tmp_path / robot
-        arguments = ("simulate", "--robot", robot, "--participants", "1", "--seed", "4", "--out", str(out))
-        done = salab(*arguments, environment=environment)
-        assert done.returncode == 0, done.stderr
-        rows = [row for row in read_table(out, "ticks") if row.source == "user" and row.blocked == 0]
-        for held in (False, True):
-            moved = [
-                np.linalg.norm([b.p_x - a.p_x, b.p_y - a.p_y, b.p_z - a.p_z])
-                for a, b in itertools.pairwise(rows)
-                if b.tick == a.tick + 1 and b.trial == a.trial and (a.held is not None) is held
-            ]
-            steps_m[robot, held] = float(max(moved))
-    assert steps_m["kinematic", False] == steps_m["careful", False]
-    assert abs(steps_m["careful", True] - 0.01) < 1e-6 < steps_m["kinematic", True] - 0.015
+    return installed_at(site)
+
+
+def test_it_stops_below_the_ceiling_and_says_why(environment: dict[str, str]) -> None:
+    command = [sys.executable, "-W", "error", "-c", UP_TO_THE_CEILING]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    told = json.loads(done.stdout)
+    assert all(can is not blocked for can, blocked, _, _ in told), "what is feasible is done, and nothing else"
+    assert told[0][:3] == [True, False, None]
+    assert told[-1][:3] == [False, True, "the ceiling is in the way"]
+    assert 0.98 < told[-1][3] == max(height_m for *_, height_m in told) <= 1.0
+
+
+def test_simulated_people_work_with_it(environment: dict[str, str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    arguments = ("simulate", "--robot", "low_ceiling", "--participants", "1", "--seed", "4", "--out", str(out))
+    done = salab(*arguments, environment=environment)
+    assert done.returncode == 0, done.stderr
+    assert max(row.p_z for row in read_table(out, "ticks")) <= 1.0
+    assert json.loads((out / "meta.json").read_text(encoding="utf-8"))["simulated"]["robot"] == "low_ceiling"
 
 
 def test_without_the_package_there_is_no_such_robot(tmp_path: Path) -> None:
-    done = salab("simulate", "--robot", "careful", "--participants", "1", "--out", str(tmp_path / "out"))
+    done = salab("simulate", "--robot", "low_ceiling", "--participants", "1", "--out", str(tmp_path / "out"))
     assert done.returncode != 0
-    assert "'careful' is not one of bullet, kinematic" in done.stderr
+    assert "'low_ceiling' is not one of bullet, kinematic" in done.stderr

@@ -97,8 +97,8 @@ def test_a_name_in_a_file_and_in_a_package_is_an_error(site: Path, tmp_path: Pat
         ),
         (
             "TEAMWORK = 'title = 3'",
-            "questionnaire 'teamwork' of salab-team-scales 1.0 cannot be used: teamwork.toml:1: "
-            "title = 3: must be text (and 3 more)",
+            "questionnaire 'teamwork' of salab-team-scales 1.0 cannot be used: teamwork.toml: "
+            "intro: missing; must be a text (and 3 more)",
         ),
         (
             "from pathlib import Path\nTEAMWORK = Path('gone.toml')",

@@ -344,6 +344,17 @@ def test_a_file_that_is_broken_is_one_line(
     assert count == f"{study}: 1 problem"
 
 
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_one_that_fails_among_simulated_people_is_one_line(workers: str, tmp_path: Path) -> None:
+    study = write(tmp_path, with_blend(), BLEND.replace("return user or (0, 0, 0)", "return 1 / 0"))
+    people = ("--participants", "2", "--workers", workers, "--out", str(tmp_path / "out"))
+    done = salab("simulate", "--study", str(study), "--trust", *people)
+    assert done.returncode == 1
+    told = "salab: arbiter 'blend.py:Blend' raised ZeroDivisionError: division by zero"
+    assert done.stderr.splitlines()[-1] == told
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [
