@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,8 +16,10 @@ from app.commands.groups import STUDY_FILE
 from app.commands.options import choice
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
-from sim.layouts import Layout
-from study.parts.code import Code
+
+if TYPE_CHECKING:
+    from sim.layouts import Layout
+    from study.parts.code import Code
 
 commands = typer.Typer()
 

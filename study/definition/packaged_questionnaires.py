@@ -17,7 +17,7 @@ from study.parts.registry import Registry
 
 
 def packaged_questionnaire(name: str, registry: Registry) -> tuple[bytes, str] | None:
-    """The text of a questionnaire and where it is from; None when no package brings one.
+    """The text of a questionnaire and whose it is, as `package version`; None when no package brings one.
 
     Raises `PartError` with one line for one that cannot be used.
     """
@@ -41,4 +41,4 @@ def packaged_questionnaire(name: str, registry: Registry) -> tuple[bytes, str] |
     if problems:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise PartError(f"{called} cannot be used: {problems[0]}{more}")
-    return source, f"as {found.package} {found.version} brought it"
+    return source, f"{found.package} {found.version}"

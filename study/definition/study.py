@@ -242,14 +242,15 @@ def _questionnaires_beside(
         try:
             brought = packaged_questionnaire(name, shelf.registries["questionnaire"]) if shelf is not None else None
             if brought is not None and beside.is_file():
-                raise PartError(f"stands in {beside.name} and a package has one of that name; rename the file")
+                raise PartError(f"stands in {beside.name} and is brought by {brought[1]} as well; rename the file")
         except PartError as error:
             unread.append(Problem(("surveys", names.index(name)), str(error)))
             added.append(_PLACEHOLDER.format(name=name))
             continue
         if brought is None and not beside.is_file():
             continue
-        text, origin = brought or (_read(beside), "as it stood beside this file")
+        text = brought[0] if brought is not None else _read(beside)
+        origin = f"as {brought[1]} brought it" if brought is not None else "as it stood beside this file"
         found = file_problems(text, str(beside))
         problems += found
         usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0], origin) if not found else None

@@ -236,7 +236,7 @@ BROKEN = {
             "@dataclass(frozen=True)\nclass Parameters:\n    share: Annotated[float, Ge(0.0)] = -1.0",
             "Parameters = Parameters",
         ),
-        r"the default -1\.0 of share must be a number at least 0: change it, or the bound",
+        r"the default -1\.0 of share must be a number at least 0\.0: change it, or the bound",
     ),
 }
 EXPLAINING = {

@@ -375,6 +375,6 @@ def test_the_whole_table_is_the_one_participants_have_always_gone_through() -> N
     assert (
         *("eligible", "screened_out", "consent_given", "consent_declined", "demographics_done", "setup_done"),
         *("instructions_done", "start", "practice_done", "trial_done", "survey_done", "continue", "debrief_done"),
-        *("connection_lost", "resume", "experimenter_pause", "experimenter_resume", "repeat_practice", "abort_trial"),
-        *("withdraw", "abort"),
+        *("connection_lost", "part_failed", "resume", "experimenter_pause", "experimenter_resume"),
+        *("repeat_practice", "abort_trial", "withdraw", "abort"),
     ) == EVENTS

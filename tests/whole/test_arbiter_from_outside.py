@@ -124,8 +124,8 @@ async def test_a_packages_arbiter_is_a_fourth_condition_live_and_on_the_dashboar
     (code,) = tomllib.loads(text)["code"]
     assert (code["kind"], code["name"]) == ("arbiter", "predict_then_act")
     assert (code["package"], code["version"]) == ("salab-predict-then-act", "1.0")
-    assert code["files"] == {"predict_then_act.py": source}
-    assert code["sha256"] == hashlib.sha256(json.dumps(sorted(code["files"].items())).encode()).hexdigest()
+    assert code["files"] == [{"name": "predict_then_act.py", "text": source}]
+    assert code["sha256"] == hashlib.sha256(json.dumps([["predict_then_act.py", source]]).encode()).hexdigest()
     assert hashlib.sha256(text.encode()).hexdigest() == parse_stored(text, "the export").hash
 
 
@@ -224,7 +224,7 @@ async def test_who_began_with_a_files_source_goes_on_with_it_and_newcomers_get_t
         assert study_hash(lab, first["participant"]) != study_hash(lab, second["participant"])
         with stored(lab) as store:
             texts = [store.study_text(study_hash(lab, one["participant"])) for one in (first, second)]
-        sources = [tomllib.loads(text)["code"][0]["files"]["blend.py"] for text in texts]
+        sources = [tomllib.loads(text)["code"][0]["files"][0]["text"] for text in texts]
         assert sources == [BLEND, SECOND_EDITION]
     with pytest.raises(LabDidNotStart) as caught:
         start_lab(*LIVE, "--study", str(study), data_dir=data)
@@ -288,6 +288,7 @@ def test_check_names_the_code_and_runs_none_of_it(somewhere: Path, capsys: pytes
     assert said[1:] == [
         f"would run arbiter blend.py:Blend from {size} bytes beside the study file, SHA-256 {digest}",
         f"Not run, and so not checked: that code. Read it, then: salab check {study} --trust",
+        f"layout 'arc' is drawn in {somewhere / 'study.layout.png'}",
     ]
     assert not (somewhere / "ran").exists()
     assert main(["simulate", "--study", str(study), "--participants", "1", "--out", str(somewhere / "out")]) == 1
@@ -301,7 +302,9 @@ def test_check_names_the_code_and_runs_none_of_it(somewhere: Path, capsys: pytes
 def test_code_inside_a_study_file_is_a_strangers_too(somewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     digest = hashlib.sha256(json.dumps([["blend.py", LEAVES_A_MARK]]).encode()).hexdigest()
     table = f'\n[[code]]\nkind = "arbiter"\nname = "blend.py:Blend"\nsha256 = "{digest}"\n'
-    study = write(somewhere, f"{with_blend()}{table}files = {{ 'blend.py' = {json.dumps(LEAVES_A_MARK)} }}\n", None)
+    study = write(
+        somewhere, f"{with_blend()}{table}files = [{{ name = 'blend.py', text = {json.dumps(LEAVES_A_MARK)} }}]\n", None
+    )
     assert main(["check", str(study)]) == 0
     assert "would run arbiter blend.py:Blend" in capsys.readouterr().out
     assert main(["simulate", "--study", str(study), "--participants", "1", "--out", str(somewhere / "out")]) == 1

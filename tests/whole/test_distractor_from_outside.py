@@ -113,7 +113,7 @@ async def test_one_that_is_gone_or_broken_is_one_line_and_no_half_started_lab(
     study = write_study(tmp_path, {**SHORT, READINGS: KINDS["sums"]})
     unknown = salab({}, "check", str(study))
     assert unknown.returncode == 1
-    assert "not known; kinds: readings, nback" in unknown.stderr.splitlines()[0]
+    assert "not known; distractors: readings, nback" in unknown.stderr.splitlines()[0]
     install_distractor(tmp_path / "site", {"sums": "outside_distractors:Sums"}, DISTRACTOR + "\nimport not_there\n")
     with pytest.raises(LabDidNotStart) as caught:
         start_lab("--study", str(study), data_dir=tmp_path / "data", environment=environment)
@@ -139,6 +139,7 @@ async def test_who_took_part_with_it_is_told_in_one_line_when_it_is_gone(
         async with visit(link):
             pass
     (said,) = [line for line in again.log().splitlines() if "turned away" in line]
-    assert 'distractor.kind = "sums": not known; kinds: readings, nback' in said
+    assert "P001 cannot go on: distractor 'sums' was outside-distractors 1.0, source " in said
+    assert said.endswith("when the study was made; it is not installed. Install that version to go on")
     async with visit(invite(again)["link"]) as player:  # everybody else is let in
         await player.reach("setup")
