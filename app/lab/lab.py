@@ -13,26 +13,24 @@ from typing import Any, Literal
 
 from app.config import LabConfig, Pace
 from app.errors import LabError
+from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import new_token, same_token, token_hash
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
-from app.session.history import KEPT_EVENTS
-from app.session.interfaces import Enrolment, LabServices, Resumed
+from app.session.interfaces import Enrolment, LabServices
 from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.setup import StudySetup, setup_to_end, study_setup
-from app.trial.values import CycleStart, cycle_from_json, inputs_of
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from study.definition.study import Study, plan_session
-from study.flow.distractors.state import from_rows
 from study.flow.flow import FLOW, Flow
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
-from study.records import OVERRUN_MS, EventRow, StudyError, utc_text
+from study.records import EventRow, StudyError, utc_text
 from study.store import AsyncStore, Store, StoredSession, open_store
 
 PROBE_EVERY_S = 2.0
@@ -360,7 +358,7 @@ class Lab:
             setup, can_run = setup_to_end(study), False
         plan = plan_session(study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
-        resumed = await self.store.run(lambda store: _resumed(store, stored, setup))
+        where = await self.store.run(lambda store: resumed(store, stored, setup))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         services = LabServices(
@@ -377,7 +375,7 @@ class Lab:
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,
         )
-        return LiveSession(enrolment, stored.session, resumed, services)
+        return LiveSession(enrolment, stored.session, where, services)
 
     async def study_of(self, stored: StoredSession) -> Study:
         """The study a participant was enrolled in, even when the lab now runs another. Raises `StudyUnreadable`."""
@@ -416,18 +414,12 @@ class Lab:
         """A worker that takes the phase up where the log ends; None without a set-up."""
         if setup is None:
             return None
-        participant, practice = enrolment.participant, kind == "practice"
-
-        def read(store: Store) -> tuple[CycleStart, tuple[Any, ...]]:
-            last = store.last_cycle(participant, trial, practice=practice)
-            start = cycle_from_json(last.start) if last else CycleStart()
-            return start, store.ticks_of_cycle(participant, trial, start.cycle, practice=practice)
-
-        start, rows = await self.store.run(read)
+        participant = enrolment.participant
+        start, log = await self.store.run(lambda store: cycle_under_way(store, participant, trial, kind))
         return WorkerSpec(
             setup=setup.trial_setup(participant, enrolment.plan, trial, kind),
             start=start,
-            log=tuple((inputs_of(row), row.digest) for row in rows),
+            log=log,
             robot=self.config.robot,
             pace=enrolment.pace,
             scene=self.config.scene and enrolment.pace == "real_time",
@@ -457,26 +449,6 @@ class Lab:
                 async with self._opening.setdefault(participant, asyncio.Lock()):
                     if session.deserted(deserted_s) and self._live.pop(participant, None) is not None:
                         await session.close()
-
-
-def _resumed(store: Store, stored: StoredSession, setup: StudySetup) -> Resumed:
-    """Where the stored session stood, from its rows."""
-    participant, session = stored.participant, stored.session
-    table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
-    rows = store.rows_of(table, participant, trial=session.trial) if session.worker else ()
-    alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
-    events: tuple[EventRow, ...] = store.rows_of("events", participant)
-    setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
-    help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
-    return Resumed(
-        distractor=from_rows(setup.distractor, stored.seed, alerts),
-        tick=rows[-1].tick if rows else None,
-        last_seq=store.last_input_seq(participant),
-        overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
-        sound=setups[-1].get("sound") if setups else None,
-        help_wanted=help_calls[-1:] == ["step_help"],
-        events=events[-KEPT_EVENTS:],
-    )
 
 
 __all__ = ["Invitation", "Lab", "NoSuchParticipant", "StudyUnreadable"]

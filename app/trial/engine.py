@@ -21,24 +21,21 @@ are given what they remember, so a cycle can be re-run from its first tick alone
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from app.autonomy.actions import Direction, index_of
+from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Explanation, State
+from app.trial.feasibility import Feasibility
 from app.trial.goals import Goals, candidates, compact_json
 from app.trial.motion import motion_segments, unit_direction
 from app.trial.reasoning import Limit, Reasoning
 from app.trial.tasks import TaskProgress
 from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
 from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
-from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -293,35 +290,14 @@ class TrialEngine:
             held=self.world.held,
             tick=self._tick,
         )
-        self._belief, action, alone = self._reasoning.decide(state, self._belief, user, self._feasible())
+        reach_m = self.setup.timing.speed_m_s * TICK_S
+        feasible = Feasibility(self._robot, self.world, self.scene, model, self._momentum, reach_m)
+        self._belief, action, alone = self._reasoning.decide(state, self._belief, user, feasible)
         source = "user" if user is not None else "robot" if alone else "idle"
         segments = motion_segments(model, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
         return _Tick(self._row(user_input, source, user, chosen, None), segments, verdict, action)
-
-    def _feasible(self) -> Callable[[Direction], bool]:
-        """Whether the arm can do an action from here, and pushes nothing over. Worked out as far as it is asked."""
-        model = self.setup.models.transition
-        answers: dict[Direction, bool] = {}
-        ways_m: NDArray[np.float64] | None = None
-        pushes_nothing: Callable[[Vector3], bool] | None = None
-
-        def feasible(action: Direction) -> bool:
-            nonlocal ways_m, pushes_nothing
-            if action in answers:
-                return answers[action]
-            if ways_m is None or pushes_nothing is None:
-                reach_m = self.setup.timing.speed_m_s * TICK_S
-                ways_m = reach_m / model.step_m * model.displacements(self._momentum)
-                pushes_nothing = clearance(self.world, self.scene)
-            index = index_of(action)
-            x_m, y_m, z_m = ways_m[index].tolist()
-            clear = pushes_nothing((x_m, y_m, z_m)) and bool(self._robot.feasible(ways_m[index : index + 1])[0])
-            answers[action] = clear
-            return clear
-
-        return feasible
 
     def _row(
         self,

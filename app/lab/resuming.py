@@ -1,0 +1,45 @@
+"""Where a stored session stood, read from its rows: what a lab that has just started needs to go on."""
+
+from __future__ import annotations
+
+import json
+
+from app.session.history import KEPT_EVENTS
+from app.session.interfaces import Resumed
+from app.trial.setup import StudySetup
+from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
+from study.flow.distractors.state import from_rows
+from study.flow.protocol import WorkerKind
+from study.records import OVERRUN_MS, EventRow
+from study.store import Store, StoredSession
+
+
+def resumed(store: Store, stored: StoredSession, setup: StudySetup) -> Resumed:
+    """Its distractor, the last tick of its phase, the last input's number."""
+    participant, session = stored.participant, stored.session
+    table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
+    rows = store.rows_of(table, participant, trial=session.trial) if session.worker else ()
+    alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
+    events: tuple[EventRow, ...] = store.rows_of("events", participant)
+    setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
+    help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
+    return Resumed(
+        distractor=from_rows(setup.distractor, stored.seed, alerts),
+        tick=rows[-1].tick if rows else None,
+        last_seq=store.last_input_seq(participant),
+        overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
+        sound=setups[-1].get("sound") if setups else None,
+        help_wanted=help_calls[-1:] == ["step_help"],
+        events=events[-KEPT_EVENTS:],
+    )
+
+
+def cycle_under_way(
+    store: Store, participant: str, trial: int, kind: WorkerKind
+) -> tuple[CycleStart, tuple[tuple[UserInput, str], ...]]:
+    """The start of a practice's or a trial's last cycle, and the inputs of its ticks with the digests they led to."""
+    practice = kind == "practice"
+    last = store.last_cycle(participant, trial, practice=practice)
+    start = cycle_from_json(last.start) if last else CycleStart()
+    rows = store.ticks_of_cycle(participant, trial, start.cycle, practice=practice)
+    return start, tuple((inputs_of(row), row.digest) for row in rows)
