@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
+from app.trial.reasoning import PartFault
 from app.trial.values import TrialView
 from app.wire import World
 from app.worker.messages import Ready, Ticked
 from sim.interface import TICK_S
 from study.flow.distractors.interface import Stimulus
 from study.flow.distractors.state import AlertState, DistractorState
+from study.records import StudyError
 
 _UNSEEN = Stimulus("")
 """Stands in where only the times of alerts matter."""
@@ -82,5 +84,8 @@ class RunningTrial:
         # A tick is reported when its last slice is done, a little before the next one starts.
         if paced and now_unix_s >= self.next_tick_unix_s:
             starts_s.append(self.trial_s + TICK_S)
-        ahead = [(start_s, self.distractor.advance(start_s, lambda number: _UNSEEN)[0]) for start_s in starts_s]
+        try:
+            ahead = [(start_s, self.distractor.advance(start_s, lambda number: _UNSEEN)[0]) for start_s in starts_s]
+        except (PartFault, StudyError):
+            return False  # the tick that asks for it tells what is wrong
         return any(distractor.locked(start_s) for start_s, distractor in ahead)

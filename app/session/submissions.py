@@ -14,6 +14,7 @@ from app.session.context import SessionContext
 from app.session.interfaces import Client
 from app.session.private_text import apart
 from app.session.transitions import Transitions
+from app.trial.reasoning import PartFault
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
 from study.flow.page import Refused, StepContext, parse
@@ -139,7 +140,11 @@ class Submissions:
         elif message.step == "alert_heard":
             running.distractor = running.distractor.heard(data.alert, utc)
         else:
-            after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
+            try:
+                after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
+            except PartFault as fault:
+                await self._transitions.distractor_failed(fault)
+                raise Refused("illegal", ("step", "The lab could not take this answer, and has paused.")) from fault
             if result == "empty":
                 verb = "answer" if running.distractor.alerts[data.alert - 1].stimulus.choices else "type"
                 raise Refused("invalid", ("data.value", f"Please {verb} the {words.one}."))

@@ -11,11 +11,12 @@ from typing import Literal
 
 from app.session import pages
 from app.session.context import SessionContext
+from app.trial.reasoning import PartFault
 from app.trial.values import CycleStart, cycle_from_json
 from app.worker.messages import Begin, Failed, Hold, HoldChanged, PartFailed, Ready, SpectatorPort, Ticked, WorkerReport
-from study.flow.protocol import BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
+from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
-from study.records import TrialRow, utc_text
+from study.records import StudyError, TrialRow, utc_text
 from study.store import Batch
 
 
@@ -124,6 +125,9 @@ class Transitions:
             before = context.running.copy()
             try:
                 await self._on_ticked(report)
+            except PartFault as fault:
+                context.running.restore(before)
+                await self.distractor_failed(fault)
             except Exception:
                 context.running.restore(before)
                 raise
@@ -138,10 +142,24 @@ class Transitions:
             context.spectators.told(report.port)
         elif isinstance(report, PartFailed):
             link.faulted = True
-            event = context.event("part_failed", "robot", {"part": report.part, "reason": report.reason})
-            await self.advance(Event("part_failed", f"{report.part} {report.reason}"), Batch(events=(event,)))
+            await self._part_failed(report.part, report.reason)
         elif isinstance(report, Failed):
             await context.commit(Batch(events=(context.event("worker_failed", "lab", {"reason": report.reason}),)))
+
+    async def distractor_failed(self, fault: PartFault) -> None:
+        """The distractor cannot be used: the session pauses. A tick that is not on disk did not happen, so that another
+        worker takes over from the record."""
+        context = self._context
+        await self._part_failed(fault.part, fault.reason)
+        await context.link.stop()
+        if context.session.worker:
+            await context.link.start(*context.session.worker)
+
+    async def _part_failed(self, part: str, reason: str) -> None:
+        """A part of the study cannot be used: the session pauses, and says why."""
+        context = self._context
+        event = context.event("part_failed", "robot", {"part": part, "reason": reason})
+        await self.advance(Event("part_failed", f"{part} {reason}"), Batch(events=(event,)))
 
     def report_failed(self, epoch: int) -> None:
         """A report could not be dealt with. A tick that is not on disk did not happen: the worker is ended and the
@@ -170,11 +188,12 @@ class Transitions:
     async def _after_fault(self) -> None:
         """The worker ended because of its arbiter, and said so. Another one stands by for whoever lets the session go
         on, unless the record itself cannot be re-run: then the next one is started by them."""
-        link, was_ready = self._context.link, self._context.link.ready
+        link, session = self._context.link, self._context.session
+        is_wanted = link.ready or session.state != PAUSED  # or somebody has said so meanwhile
         link.lost()
         link.restarts = 0
-        if was_ready and self._context.session.worker:
-            await link.start(*self._context.session.worker)
+        if is_wanted and session.worker:
+            await link.start(*session.worker)
 
     async def _on_ready(self, report: Ready) -> None:
         context, link = self._context, self._context.link
@@ -205,11 +224,16 @@ class Transitions:
             events.append(context.event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
         noticed = tuple(context.noticed)
         seed, trial, distractor = context.enrolment.plan.seed, context.session.trial, context.services.distractor
-        changed = (
-            ()
-            if practice
-            else running.advance_distractor(lambda number: distractor.stimulus(seed, trial, number), result.finished)
-        )
+        try:
+            changed = (
+                ()
+                if practice
+                else running.advance_distractor(
+                    lambda number: distractor.stimulus(seed, trial, number), result.finished
+                )
+            )
+        except StudyError as error:  # its schedule cannot be
+            raise PartFault(f"distractor {distractor.settings.kind!r}", str(error)) from error
         batch = Batch(
             ticks=() if practice else (row,),
             practice_ticks=(row,) if practice else (),

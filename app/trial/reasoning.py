@@ -34,7 +34,7 @@ class TookTooLong(BaseException):
 
 
 class PartFault(LabError):
-    """An arbiter or an inference did what cannot be used. The tick it was asked for did not happen.
+    """An arbiter, an inference or a distractor did what cannot be used. The tick it was asked for did not happen.
 
     Attributes:
         part: which, as `arbiter 'blend'`.

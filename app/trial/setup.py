@@ -14,6 +14,7 @@ from app.autonomy.calibration import Calibration, calibrate_alpha
 from app.autonomy.errors import AutonomyError
 from app.autonomy.interface import Arbiter, Models
 from app.autonomy.transition import TransitionModel
+from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.labels import Labels
 from app.trial.parts import make_arbiter, make_distractor, make_inference, named, shelf
 from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
@@ -174,7 +175,7 @@ def study_setup(study: Study, trust: bool = False) -> StudySetup:
         arbiters[condition.id] = named("arbiter", condition.arbiter, given, study.codes, held)
         chosen = condition.inference or study.inference
         inferences[condition.id] = named("inference", chosen.kind, chosen.parameters, study.codes, held)
-    distractor = make_distractor(study.distractor, study.codes, trust)
+    distractor = GuardedDistractor(make_distractor(study.distractor, study.codes, trust))
     setup = StudySetup(study, layout, calibration, arbiters, inferences, distractor)
     for condition in study.conditions:  # what cannot be made is told now, not in a trial
         setup.arbiter(condition.id)

@@ -19,7 +19,7 @@ from app.trial.engine import TrialEngine
 from app.trial.setup import study_setup
 from app.trial.values import UserInput, inputs_of
 from app.trial.world import open_study
-from app.wire import Page, Tick, World
+from app.wire import Alert, Page, Tick, World
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.records import TickRow
@@ -200,6 +200,45 @@ async def test_one_that_fails_in_every_re_run_waits_for_somebody(start_lab: Star
         assert (await player.tick(UP)).tick == 3
     assert [row.tick for row in ticks(lab, participant)] == [0, 1, 2, 3]
     assert not events(lab, participant, "replay_mismatch")
+
+
+# --- a distractor ----------------------------------------------------------------------------------------------------
+
+
+async def test_a_distractor_that_raises_in_mid_trial_pauses_it_too(start_lab: StartLab, switch: Switch) -> None:
+    """When it is to show something, and when it is to judge an answer."""
+    folder = switch.path.parent
+    source = PARTS.with_name("faulty_distractor.py")
+    (folder / source.name).write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    kind = f'kind = "{source.name}:Breaks"\nswitch = "{switch.path}"\n'
+    study = write_study(folder, {**SHORT, "digits = 4\ndecimals = 1\n": kind, "first_s = 10.0": "first_s = 1.0"})
+    options = ("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--trust")
+    lab = start_lab(*options, "--study", str(study))
+    made = invite(lab)
+    part = f"distractor '{source.name}:Breaks'"
+    async with visit(made["link"]) as player:
+        await player.reach_trial()
+        await player.tick(UP)
+        switch.turn(on=True)
+        await player.hands(UP)
+        await player.page("paused")
+        assert seen_by_experimenter(lab, made["participant"])["pause_reason"].startswith(f"{part} raised KeyError")
+        assert [row.tick for row in ticks(lab, made["participant"])] == [0]
+        switch.turn(on=False)
+        await player.done("resume")
+        await player.status("running")
+        assert (await player.tick(UP)).tick == 1
+        shown = await player.until(Alert)
+        assert shown.reading == "1"
+        refused = await player.refused("alert_answer", {"alert": 1, "value": "break"})
+        assert refused.message == "The lab could not take this answer, and has paused."
+        await player.done("resume")
+        await player.status("running")
+        await player.done("alert_answer", {"alert": 1, "value": "1"})
+        assert (await player.tick(UP)).tick == 2
+    told = [data for _, data in events(lab, made["participant"], "part_failed")]
+    assert [data["part"] for data in told] == [part, part]
+    assert told[1]["reason"] == "raised ValueError: what is that?"
 
 
 # --- memory ----------------------------------------------------------------------------------------------------------
