@@ -20,11 +20,14 @@ from app.session.commands import Command, Remark
 from app.session.interfaces import Enrolment, LabServices
 from app.session.private_text import apart
 from app.session.session import LiveSession
+from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.setup import StudySetup, setup_to_end, study_setup
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
+from app.worker.one_answer import Question, one_answer
 from app.worker.process import WorkerProcess, warm_up, worker_context
+from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
 from study.flow.flow import FLOW, Flow
 from study.flow.open_link import ids_among
@@ -358,13 +361,14 @@ class Lab:
             setup, can_run = setup_to_end(study), False
         plan = plan_session(study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
-        where = await self.store.run(lambda store: resumed(store, stored, setup))
+        distractor = GuardedDistractor(setup.distractor.inner, TimeLimit)
+        where = await self.store.run(lambda store: resumed(store, stored, distractor))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         services = LabServices(
             store=self.store,
             study=study,
-            distractor=setup.distractor,
+            distractor=distractor,
             config=self.config,
             labels=setup.labels(),
             start_worker=self._start_worker,
@@ -432,6 +436,10 @@ class Lab:
         worker = WorkerProcess(self._workers, spec, on_report, on_exit)
         worker.start()
         return worker
+
+    def one_answer(self, question: Question) -> int:
+        """What an arbiter that does not ship chooses, asked in a process of its own. Blocks; raises `PartError`."""
+        return one_answer(self._workers, question)
 
     async def _probe_sessions(self) -> None:
         while True:

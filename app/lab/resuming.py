@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from app.session.history import KEPT_EVENTS
 from app.session.interfaces import Resumed
-from app.trial.setup import StudySetup
 from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
+from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import from_rows
 from study.flow.protocol import WorkerKind
 from study.records import OVERRUN_MS, EventRow
 from study.store import Store, StoredSession
 
 
-def resumed(store: Store, stored: StoredSession, setup: StudySetup) -> Resumed:
+def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) -> Resumed:
     """Its distractor, the last tick of its phase, the last input's number."""
     participant, session = stored.participant, stored.session
     table = "ticks" if session.place in ("trial_ready", "trial") else "practice_ticks"
@@ -24,7 +25,7 @@ def resumed(store: Store, stored: StoredSession, setup: StudySetup) -> Resumed:
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
     help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
     return Resumed(
-        distractor=from_rows(setup.distractor, stored.seed, alerts),
+        distractor=from_rows(distractor, stored.seed, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),

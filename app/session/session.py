@@ -130,7 +130,10 @@ class LiveSession:
 
     def check_worker(self) -> None:
         """End a worker that hangs; another takes over from the log."""
-        if self._context.session.is_ticking and self._link.ready and self.enrolment.pace == "real_time":
+        hangs = self._link.part_that_hangs()
+        if hangs is not None:
+            self._queue.put_nowait(_Work("report", (self._link.epoch, hangs)))
+        elif self._context.session.is_ticking and self._link.ready and self.enrolment.pace == "real_time":
             self._link.end_if_hung()
 
     def expect(self) -> None:

@@ -13,7 +13,18 @@ from app.session import pages
 from app.session.context import SessionContext
 from app.trial.reasoning import PartFault
 from app.trial.values import CycleStart, cycle_from_json
-from app.worker.messages import Begin, Failed, Hold, HoldChanged, PartFailed, Ready, SpectatorPort, Ticked, WorkerReport
+from app.worker.messages import (
+    Asking,
+    Begin,
+    Failed,
+    Hold,
+    HoldChanged,
+    PartFailed,
+    Ready,
+    SpectatorPort,
+    Ticked,
+    WorkerReport,
+)
 from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
 from study.records import StudyError, TrialRow, utc_text
@@ -119,7 +130,9 @@ class Transitions:
         link.reported()
         if epoch != link.epoch or (isinstance(report, Ticked) and not link.ready):
             return  # of a worker that has been stopped, or is being replaced
-        if isinstance(report, Ready):
+        if isinstance(report, Asking):
+            link.asking = report if report.part else None
+        elif isinstance(report, Ready):
             await self._on_ready(report)
         elif isinstance(report, Ticked):
             before = context.running.copy()
@@ -172,6 +185,9 @@ class Transitions:
         context, link = self._context, self._context.link
         if epoch != link.epoch or not link.is_up:
             return
+        if link.asking is not None:  # it ended the process it runs in
+            link.faulted = True
+            await self._part_failed(link.asking.part, "ended the process that it runs in")
         if link.faulted:
             await self._after_fault()
             return

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from app.session.interfaces import LabServices, WorkerHandle
 from app.trial.values import TrialSetup
-from app.worker.messages import WorkerCommand, WorkerReport
+from app.worker.messages import Asking, PartFailed, WorkerCommand, WorkerReport
 from study.flow.protocol import WorkerKind
 
 log = logging.getLogger(__name__)
@@ -23,6 +23,7 @@ class WorkerLink:
         epoch: number of the present worker; what arrives with another number is of one that was stopped.
         ready: its world stands, and it takes commands.
         held: it waits for the page's heartbeat.
+        asking: the part it was last heard to ask, while it has not answered.
         faulted: it ends because of its arbiter or inference, and has said so.
         restarts: how many workers of this practice or trial ended by themselves.
         scene_port: port of its viser server on loopback, if it has a scene.
@@ -41,6 +42,7 @@ class WorkerLink:
         self.ready = False
         self.held = False
         self.faulted = False
+        self.asking: Asking | None = None
         self.restarts = 0
         self.scene_port: int | None = None
         self.spectator_port: int | None = None
@@ -61,7 +63,7 @@ class WorkerLink:
         """Start a worker where the record ends; none for a session that can only be ended."""
         self.epoch += 1
         epoch = self.epoch
-        self.faulted = False
+        self.faulted, self.asking = False, None
         self.ready, self.scene_port, self.spectator_port = False, None, None
         spec = await self._services.make_spec(kind, trial)
         if spec is None:
@@ -107,6 +109,16 @@ class WorkerLink:
     def reported(self) -> None:
         """The worker said something."""
         self._reported_s = self._services.now_unix_s()
+
+    def part_that_hangs(self) -> PartFailed | None:
+        """The part in which the worker hangs, if it does, as the worker would have told it; the worker is ended."""
+        silent_s = self._services.now_unix_s() - self._reported_s
+        if self._handle is None or self.asking is None or silent_s <= self.asking.within_s:
+            return None
+        hangs = PartFailed(self.asking.part, f"gave no answer for {self.asking.within_s:g} s and was ended")
+        self.asking = None
+        self.kill()
+        return hangs
 
     def end_if_hung(self) -> None:
         """End a ticking worker that has gone silent while its page has not: another takes over from the log."""

@@ -22,7 +22,6 @@ are given what they remember, so a cycle can be re-run from its first tick alone
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -32,7 +31,7 @@ from app.autonomy.interface import Explanation, State
 from app.trial.feasibility import Feasibility
 from app.trial.goals import Goals, candidates, compact_json
 from app.trial.motion import motion_segments, unit_direction
-from app.trial.reasoning import Limit, Reasoning
+from app.trial.reasoning import Limit, Reasoning, Told
 from app.trial.tasks import TaskProgress
 from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
 from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
@@ -81,13 +80,19 @@ class TrialEngine:
     """
 
     def __init__(
-        self, setup: TrialSetup, robot: Robot, start: CycleStart | None = None, limit: Limit = nullcontext
+        self,
+        setup: TrialSetup,
+        robot: Robot,
+        start: CycleStart | None = None,
+        limit: Limit | None = None,
+        asking: Told | None = None,
     ) -> None:
+        """`limit` and `asking` are those of `app.trial.reasoning.Reasoning`."""
         self.setup = setup
         self.finished = False
         self._robot = robot
         self._start = start or CycleStart()
-        self._reasoning = Reasoning(setup, self._start, limit)
+        self._reasoning = Reasoning(setup, self._start, limit, asking)
         self._tick = self._start.first_tick
         self._progress = TaskProgress(setup, self._start.cycle)
         self._delivered: dict[str, Pose] = dict(self._start.delivered)

@@ -6,6 +6,7 @@ everything else is a `PartFault`, raised before anything has moved.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -13,20 +14,28 @@ from typing import Any
 
 from app.autonomy.actions import DIRECTIONS, NULL_ACTION, Direction, index_of
 from app.autonomy.belief import Belief
-from app.autonomy.interface import Explanation, Feasible, Part, State
+from app.autonomy.interface import Arbiter, Explanation, Feasible, Part, State
 from app.errors import LabError
 from app.trial.parts import make_arbiter, make_inference
 from app.trial.values import CycleStart, TrialSetup
-from study.parts.errors import PartError
+from study.parts.errors import PartError, one_line, plain
 from study.parts.shelf import Named
 
 MAX_MEMORY_BYTES = 64 * 1024
 MAX_EXPLANATION = 24
 """Lines of an explanation that are passed on."""
 
+ANSWER_WITHIN_S, MAKE_WITHIN_S = 5.0, 60.0
+"""A part that no signal reaches, in code of a library perhaps, is ended with its process after so long."""
+_LARGEST_EXACT = 2**53
+
 STAY = DIRECTIONS[NULL_ACTION]
 Limit = Callable[[], AbstractContextManager[object]]
 """What a part is asked within; it may end the asking with an exception (`app.worker.time_limit`)."""
+
+
+Told = Callable[[str, float], None]
+"""Told before a part is made or asked, with how long that may take; and with "" when it has answered."""
 
 
 class TookTooLong(BaseException):
@@ -51,11 +60,22 @@ class PartFault(LabError):
 
 
 class Reasoning:
-    """The inference and the arbiter of one trial."""
+    """The inference and the arbiter of one trial.
 
-    def __init__(self, setup: TrialSetup, start: CycleStart, limit: Limit = nullcontext) -> None:
+    `limit` is what they are asked within; without one (simulated people) they may think as long as they like. `asking`
+    is told before a part is made or asked, for whoever has to say what a process that hangs was doing.
+    """
+
+    def __init__(
+        self,
+        setup: TrialSetup,
+        start: CycleStart,
+        limit: Limit | None = None,
+        asking: Told | None = None,
+    ) -> None:
         self._setup = setup
         self._limit = limit
+        self._told = asking or _tell_nobody
         self._inference_memory, self._arbiter_memory = start.inference_memory, start.arbiter_memory
         self._last: tuple[State, Belief, Direction | None, Direction] | None = None
 
@@ -70,10 +90,10 @@ class Reasoning:
         That may take its time; only what is asked in a tick is limited. Raises `PartFault`.
         """
         self._last = None
-        with _Asking(self._setup.inference):
+        with self._asking(self._setup.inference, making=True):
             self._inference = make_inference(self._setup.inference, self._setup.models)
             _remind(self._inference, self._inference_memory)
-        with _Asking(self._setup.arbiter):
+        with self._asking(self._setup.arbiter, making=True):
             self._arbiter = make_arbiter(self._setup.arbiter, self._setup.models)
             _remind(self._arbiter, self._arbiter_memory)
 
@@ -84,74 +104,54 @@ class Reasoning:
 
         Raises `PartFault`; inference and arbiter are then to be made anew.
         """
-        with self._asking(self._setup.inference):
+        named = self._setup.inference
+        with self._asking(named):
             after = self._inference.update(state, belief, user)
-        self._check_belief(after, belief)
-        self._inference_memory = self._remembered(self._setup.inference, self._inference, self._inference_memory)
-        with self._asking(self._setup.arbiter):
+            if after is not belief:
+                after = _checked_belief(named, after, belief)
+            self._inference_memory = _remembered(named, self._inference, self._inference_memory)
+        named = self._setup.arbiter
+        with self._asking(named):
             answer = self._arbiter.decide(state, after, user, feasible)
-        action = self._checked_action(answer, user, feasible)
-        self._arbiter_memory = self._remembered(self._setup.arbiter, self._arbiter, self._arbiter_memory)
+            action = _checked_action(named, self._arbiter, answer, user, feasible)
+            self._arbiter_memory = _remembered(named, self._arbiter, self._arbiter_memory)
+            alone = user is None and bool(self._arbiter.moves_by_itself)
         self._last = state, after, user, action
-        return after, action, user is None and self._arbiter.moves_by_itself
+        return after, action, alone
 
     def explain(self) -> Explanation:
         """What spoke for the last action, as the arbiter says it; its failure is one line of it, and harms nothing."""
         if self._last is None:
             return {}
+        named = self._setup.arbiter
         try:
-            with self._asking(self._setup.arbiter):
-                told = self._arbiter.explain(*self._last)
-                return {str(name)[:60]: _shown(value) for name, value in list(told.items())[:MAX_EXPLANATION]}
-        except (PartFault, AttributeError) as fault:
+            with self._asking(named):
+                told = dict(itertools.islice(self._arbiter.explain(*self._last).items(), MAX_EXPLANATION))
+                shown = {plain(str(name))[:60]: _shown(value) for name, value in told.items()}
+                if _remembered(named, self._arbiter, self._arbiter_memory) != self._arbiter_memory:
+                    self._arbiter.memory = json.loads(self._arbiter_memory) if self._arbiter_memory else None
+                    raise PartFault(_called(named), "changed its memory in explain; only decide may")
+                return shown
+        except PartFault as fault:
             return {"explanation": f"failed: {fault}"[:200]}
 
-    def _asking(self, named: Named) -> _Asking:
-        return _Asking(named, self._limit())
-
-    def _check_belief(self, after: object, before: Belief) -> None:
-        if after is before:
-            return
-        if not isinstance(after, Belief):
-            raise PartFault(_called(self._setup.inference), f"returned {_short(after)}; it must return a Belief")
-        if after.goal_ids != before.goal_ids:
-            raise PartFault(
-                _called(self._setup.inference),
-                f"returned a belief over {', '.join(after.goal_ids)}; the goals are {', '.join(before.goal_ids)}",
-            )
-
-    def _checked_action(self, answer: Any, user: Direction | None, feasible: Feasible) -> Direction:
-        called = _called(self._setup.arbiter)
-        try:
-            action = DIRECTIONS[index_of(answer)]
-        except Exception:
-            raise PartFault(called, f"returned {_short(answer)}; it must be three numbers, each -1, 0 or 1") from None
-        if user is None and action != STAY and not self._arbiter.moves_by_itself:
-            raise PartFault(called, f"returned {action} with the hands off; it says that it does not move by itself")
-        if action not in (STAY, user) and not feasible(action):
-            raise PartFault(called, f"chose {action}, which the arm cannot do from here")
-        return action
-
-    def _remembered(self, named: Named, part: Part, before: str) -> str:
-        if part.memory is None and before in ("", "null"):
-            return before
-        try:
-            text = json.dumps(part.memory, allow_nan=False)
-        except (TypeError, ValueError, RecursionError) as error:
-            raise PartFault(_called(named), f"has a memory that is not JSON: {error}") from None
-        size = len(text.encode())
-        if size > MAX_MEMORY_BYTES:
-            raise PartFault(_called(named), f"has a memory of {size} bytes; at most {MAX_MEMORY_BYTES}")
-        return text
+    def _asking(self, named: Named, making: bool = False) -> _Asking:
+        limit = self._limit() if self._limit is not None and not making else nullcontext()
+        told = self._told if named.code is not None else _tell_nobody
+        return _Asking(named, limit, told, MAKE_WITHIN_S if making else ANSWER_WITHIN_S, live=self._limit is not None)
 
 
 class _Asking(AbstractContextManager["_Asking"]):
-    """Inside, whatever a part raises becomes a `PartFault` that names it."""
+    """Inside, whatever a part raises becomes a `PartFault` that names it. Only a person's Ctrl+C is none of its doing:
+    in a live trial (`live`) nobody can press that."""
 
-    def __init__(self, named: Named, limit: AbstractContextManager[object] | None = None) -> None:
-        self._named, self._limit = named, limit or nullcontext()
+    def __init__(
+        self, named: Named, limit: AbstractContextManager[object], told: Told, within_s: float, live: bool
+    ) -> None:
+        self._named, self._limit, self._told, self._within_s, self._live = named, limit, told, within_s, live
 
     def __enter__(self) -> _Asking:
+        self._told(_called(self._named), self._within_s)
         self._limit.__enter__()
         return self
 
@@ -160,11 +160,55 @@ class _Asking(AbstractContextManager["_Asking"]):
             self._limit.__exit__(kind, error, trace)
         except TookTooLong as late:
             error = late
+        self._told("", 0.0)
+        if error is None or isinstance(error, PartFault) or (isinstance(error, KeyboardInterrupt) and not self._live):
+            return
+        called = _called(self._named)
         if isinstance(error, (PartError, TookTooLong)):
-            raise PartFault(_called(self._named), str(error)) from error
-        if isinstance(error, (Exception, SystemExit)):
-            text = " ".join(str(error).split())[:300]
-            raise PartFault(_called(self._named), f"raised {type(error).__name__}: {text}") from error
+            raise PartFault(called, one_line(error).removeprefix(f"{called} ")) from error
+        raise PartFault(called, f"raised {type(error).__name__}: {one_line(error)}") from error
+
+
+def _tell_nobody(part: str, within_s: float) -> None:
+    """Parts that ship do not hang."""
+
+
+def _checked_belief(named: Named, after: object, before: Belief) -> Belief:
+    if not isinstance(after, Belief):
+        raise PartFault(_called(named), f"returned {_short(after)}; it must return a Belief")
+    if after.goal_ids != before.goal_ids:
+        said, goals = ", ".join(after.goal_ids), ", ".join(before.goal_ids)
+        raise PartFault(_called(named), f"returned a belief over {said}; the goals are {goals}")
+    return Belief(before.goal_ids, after.probabilities)  # whatever class it is of, and whatever was done to it
+
+
+def _checked_action(
+    named: Named, arbiter: Arbiter, answer: Any, user: Direction | None, feasible: Feasible
+) -> Direction:
+    called = _called(named)
+    try:
+        action = DIRECTIONS[index_of(answer)]
+    except Exception:
+        raise PartFault(called, f"returned {_short(answer)}; it must be three numbers, each -1, 0 or 1") from None
+    if user is None and action != STAY and not arbiter.moves_by_itself:
+        raise PartFault(called, f"returned {action} with the hands off; it says that it does not move by itself")
+    if action not in (STAY, user) and not feasible(action):
+        raise PartFault(called, f"chose {action}, which the arm cannot do from here")
+    return action
+
+
+def _remembered(named: Named, part: Part, before: str) -> str:
+    memory = part.memory
+    if memory is None and before in ("", "null"):
+        return before
+    try:
+        text = json.dumps(memory, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise PartFault(_called(named), f"has a memory that is not JSON: {one_line(error)}") from None
+    size = len(text.encode())
+    if size > MAX_MEMORY_BYTES:
+        raise PartFault(_called(named), f"has a memory of {size} bytes; at most {MAX_MEMORY_BYTES}")
+    return text
 
 
 def _remind(part: Part, memory: str) -> None:
@@ -178,14 +222,15 @@ def _called(named: Named) -> str:
 
 def _short(value: object) -> str:
     try:
-        text = " ".join(repr(value).split())
+        text = plain(repr(value))
     except Exception as error:
         text = f"something whose repr raises {type(error).__name__}"
     return text if len(text) <= 80 else text[:79] + "…"
 
 
 def _shown(value: object) -> float | str:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return str(value)[:200]
-    number = float(value)
-    return number if abs(number) < float("inf") else str(number)
+    if isinstance(value, float) and abs(value) < float("inf"):
+        return value
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) < _LARGEST_EXACT:
+        return float(value)
+    return plain(str(value))[:200]

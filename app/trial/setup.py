@@ -16,7 +16,7 @@ from app.autonomy.interface import Arbiter, Models
 from app.autonomy.transition import TransitionModel
 from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.labels import Labels
-from app.trial.parts import make_arbiter, make_distractor, make_inference, named, shelf
+from app.trial.parts import ARBITERS, make_arbiter, make_distractor, make_inference, named, shelf
 from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
 from app.trial.world import layout_of
 from sim.layouts import Layout, practice_scene
@@ -24,7 +24,7 @@ from sim.layouts import scene as layout_scene
 from study.definition.named_parts import parameters_of
 from study.definition.sections import MODEL_FIELDS, ArbiterSettings, DistractorSettings
 from study.definition.study import SessionPlan, Study
-from study.flow.distractors.interface import Distractor
+from study.parts.errors import PartError
 from study.parts.shelf import Named, code_among
 from study.records import TrialRow
 
@@ -44,7 +44,7 @@ class StudySetup:
     calibration: Calibration | None
     arbiters: Mapping[str, Named]
     inferences: Mapping[str, Named]
-    distractor: Distractor[Any]
+    distractor: GuardedDistractor
 
     def models(self, condition_id: str) -> Models:
         """The models of the person and of the arm under one condition."""
@@ -56,19 +56,28 @@ class StudySetup:
         """The arbiter of one condition, as it is before a trial."""
         return make_arbiter(self.arbiters[condition_id], self.models(condition_id))
 
-    def arbiter_like(self, name: str) -> Arbiter:
-        """The arbiter of the study's first condition with an arbiter of that name; without one, a shipped one with the
-        study's model and its calibrated alpha. Raises `AutonomyError` when there is no alpha to take."""
+    def arbiter_like(self, name: str) -> tuple[Named, Models]:
+        """The arbiter of the condition with that id, or of the first one with an arbiter of that name; without one, a
+        shipped one with the study's model and its calibrated alpha.
+
+        Raises `AutonomyError` when there is no alpha to take, and `PartError` for an unknown name.
+        """
         for condition in self.study.conditions:
-            if condition.arbiter == name:
-                return self.arbiter(condition.id)
-        models, settings = _models(self.study.arbiter, {}), self.study.arbiter
+            if name == condition.id:
+                return self.arbiters[name], self.models(name)
+        for condition in self.study.conditions:
+            if name == condition.arbiter:
+                return self.arbiters[condition.id], self.models(condition.id)
+        settings = self.study.arbiter
         shared = {"entropy_floor": settings.entropy_floor, "stickiness": settings.stickiness}
         if name == "balanced":
             if self.calibration is None:
                 raise AutonomyError("alpha is missing; this study has no balanced condition to take it from")
             shared["alpha"] = self.calibration.alpha
-        return make_arbiter(Named("arbiter", name, shared), models)
+        elif name not in ARBITERS.shipped:
+            ARBITERS.place_of(name)  # says which there are
+            raise PartError(f"no condition of this lab's study has the arbiter {name!r}")
+        return Named("arbiter", name, shared), _models(settings, {})
 
     def labels(self) -> Labels:
         """The words for everything that can be named in an instruction."""
@@ -153,7 +162,7 @@ _WEIGHTS = ("alpha", "beta", "gamma")
 def setup_to_end(study: Study) -> StudySetup:
     """What a session whose parts cannot be used is ended with: it has the words, and makes no trial."""
     common = study.distractor.model_dump(include=set(DistractorSettings.model_fields) - {"kind"})
-    readings = make_distractor(DistractorSettings(**common))
+    readings = GuardedDistractor(make_distractor(DistractorSettings(**common)))
     return StudySetup(study, layout_of(study), None, {}, {}, readings)
 
 

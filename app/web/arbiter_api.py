@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Annotated, Literal
 
@@ -14,14 +15,15 @@ from pydantic import BaseModel, Field
 from app.autonomy.actions import DIRECTIONS, index_of
 from app.autonomy.arbiters.goal_oriented import GoalOriented
 from app.autonomy.arbiters.weighing import WeighingArbiter, Weights, WeightsWithoutInformation, number
-from app.autonomy.arrays import FloatArray
-from app.autonomy.belief import Belief
 from app.autonomy.errors import AutonomyError
 from app.autonomy.evaluation import evaluate, state_of
-from app.autonomy.interface import Arbiter, Models
+from app.autonomy.interface import Models
+from app.trial.parts import make_arbiter
 from app.trial.setup import StudySetup
 from app.web.access import RequestBody, TheLab, refusals
+from app.worker.one_answer import Question
 from study.parts.errors import PartError
+from study.parts.shelf import Named
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
@@ -59,8 +61,8 @@ class EvaluateRequest(RequestBody):
     user_action: tuple[Axis, Axis, Axis] | None = None
     """The person's input: x, y, z in the world frame, each -1, 0 or 1; left out, no input."""
     condition: Annotated[str, Field(min_length=1, max_length=100)] = "balanced"
-    """Whose weights count where none are given, and who chooses: an arbiter by its name, one that ships or one of this
-    lab's study. Of one that weighs nothing, the weights are those of `goal_oriented`."""
+    """Whose weights count where none are given, and who chooses: a condition of this lab's study by its id, or
+    an arbiter by its name. Of one that weighs nothing, the weights are those of `goal_oriented`."""
     alpha: Weight | None = None
     """Weight of the expected information; left out, the study's, calibrated where it says so."""
     beta: Weight | None = None
@@ -100,12 +102,23 @@ class EvaluateReply(BaseModel):
     """The weight of the information that was used."""
 
 
-def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateReply:
-    """`POST /api/arbiter/evaluate` as a function. Raises `AutonomyError` for values that do not fit together."""
-    weighing, own = _arbiters(request, setup)
+def evaluate_request(
+    request: EvaluateRequest, setup: StudySetup, ask: Callable[[Question], int] | None = None
+) -> EvaluateReply:
+    """`POST /api/arbiter/evaluate` as a function; `ask` asks an arbiter that does not ship, and may block. Raises
+    `AutonomyError` for values that do not fit together, and for an arbiter that gives no answer."""
+    weighing, own = arbiters_of(request, setup)
     prior = None if request.belief is None else np.array(request.belief)
     goals = np.array(request.goals_m)
     result = evaluate(request.position_m, request.momentum, goals, prior, request.user_action, weighing)
+    chosen = result.chosen
+    if own is not None and ask is not None:
+        state = state_of(request.position_m, request.momentum, request.goals_m)
+        user = None if request.user_action is None else DIRECTIONS[index_of(request.user_action)]
+        try:
+            chosen = ask((own, weighing.models, state, tuple(result.posterior.tolist()), user))
+        except PartError as error:
+            raise AutonomyError(f"condition is {request.condition!r}: {error}") from None
     return EvaluateReply(
         actions=list(DIRECTIONS),
         likelihood=result.likelihood.tolist(),
@@ -114,38 +127,36 @@ def evaluate_request(request: EvaluateRequest, setup: StudySetup) -> EvaluateRep
         information_gain=result.information_gain.tolist(),
         hindsight_reward=result.hindsight_reward.tolist(),
         score=result.score.tolist(),
-        chosen=result.chosen if own is None else _chosen(own, request, result.posterior),
+        chosen=chosen,
         alpha=number(weighing.parameters.alpha),
     )
 
 
-def _arbiters(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingArbiter, Arbiter | None]:
-    """The arbiter whose weights count, with the request's numbers, and the one that chooses if it weighs nothing."""
+def arbiters_of(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingArbiter, Named | None]:
+    """The arbiter whose weights count, with the request's numbers, and the one that chooses if it is somebody else's.
+
+    Nothing of the latter runs in here.
+    """
     if request.condition == "goal_oriented" and request.alpha:
         raise AutonomyError(f"alpha is {request.alpha:g}; it must be 0 or left out with condition 'goal_oriented'")
     try:
-        usual = setup.arbiter_like(request.condition)
+        found, models = setup.arbiter_like(request.condition)
     except PartError as error:
         raise AutonomyError(f"condition is {request.condition!r}: {error}") from None
-    weights = usual.parameters if isinstance(usual, WeighingArbiter) else WeightsWithoutInformation()
+    usual = make_arbiter(found, models) if found.code is None else None
+    kind: type[WeighingArbiter] = GoalOriented
+    weights: Weights = WeightsWithoutInformation()
+    if isinstance(usual, WeighingArbiter):
+        kind, weights = type(usual), usual.parameters
     named = request.model_dump(include={"alpha", "beta", "gamma"}, exclude_none=True)
-    kind = type(usual) if isinstance(usual, WeighingArbiter) else GoalOriented
-    model = usual.models.transition
     model = replace(
-        model,
+        models.transition,
         **request.model_dump(include={"step_m", "planning_delay"}, exclude_none=True),
-        kind=request.transition or model.kind,
+        kind=request.transition or models.transition.kind,
     )
-    models = Models(request.rationality_per_m or usual.models.rationality_per_m, model)
-    weighing = kind(Weights(**{**asdict(weights), "stickiness": 0.0, **named}), models)
-    return weighing, None if isinstance(usual, WeighingArbiter) else usual
-
-
-def _chosen(arbiter: Arbiter, request: EvaluateRequest, posterior: FloatArray) -> int:
-    """What an arbiter that weighs nothing does about the belief."""
-    state = state_of(request.position_m, request.momentum, request.goals_m)
-    user = None if request.user_action is None else DIRECTIONS[index_of(request.user_action)]
-    return index_of(arbiter.decide(state, Belief(state.goal_ids, posterior), user, lambda action: True))
+    asked = Models(request.rationality_per_m or models.rationality_per_m, model)
+    weighing = kind(Weights(**{**asdict(weights), "stickiness": 0.0, **named}), asked)
+    return weighing, None if isinstance(usual, WeighingArbiter) else found
 
 
 public = APIRouter(prefix="/api", tags=["open"])
@@ -155,7 +166,7 @@ public = APIRouter(prefix="/api", tags=["open"])
 async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
     """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
     try:
-        return await asyncio.to_thread(evaluate_request, body, lab.setup)
+        return await asyncio.to_thread(evaluate_request, body, lab.setup, lab.one_answer)
     except AutonomyError as error:
         problem = {"type": "value_error", "loc": ("body", str(error).split()[0]), "msg": str(error)[:300]}
         raise RequestValidationError([problem]) from None

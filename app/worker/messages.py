@@ -139,6 +139,15 @@ class SpectatorPort:
 
 
 @dataclass(frozen=True)
+class Asking:
+    """A part that does not ship is about to be made or asked; a worker that says nothing for `within_s` hangs in it. An
+    empty `part`: it has answered."""
+
+    part: str
+    within_s: float
+
+
+@dataclass(frozen=True)
 class PartFailed:
     """The trial's arbiter or inference did what cannot be used (`part`, `reason`). The tick it was asked for did not
     happen; the worker ends."""
@@ -154,4 +163,4 @@ class Failed:
     reason: str
 
 
-WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | PartFailed | Failed
+WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | Asking | PartFailed | Failed

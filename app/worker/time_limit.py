@@ -8,6 +8,7 @@ to blame for a busy machine.
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -21,19 +22,28 @@ _SCHEDSTAT = Path("/proc/self/schedstat")
 
 
 class TimeLimit(AbstractContextManager["TimeLimit"]):
-    """Raises `TookTooLong` inside, or at its end at the latest. For the main thread of a process, one at a time."""
+    """Raises `TookTooLong` inside, or at its end at the latest. One at a time.
+
+    Only a process's main thread gets signals: elsewhere it raises at the end alone.
+    """
 
     def __init__(self, limit_s: float = DECIDE_WITHIN_S) -> None:
         self._limit_s = limit_s
         self._began_s = 0.0
+        self._has_signals = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> TimeLimit:
         self._began_s = own_time_s()
+        if not self._has_signals:
+            return self
         self._handler = signal.signal(signal.SIGALRM, self._on_alarm)
         signal.setitimer(signal.ITIMER_REAL, self._limit_s, self._limit_s)
         return self
 
     def __exit__(self, *_: object) -> None:
+        if not self._has_signals:
+            self._check()
+            return
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, self._handler)
         self._check()

@@ -1,7 +1,8 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
     commands ──► Worker ──► reports
-    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, PartFailed, Failed
+    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Asking,
+    PartFailed, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
 after each, and the result goes out after the last. When the page has not been heard of for `heartbeat_timeout_s`, no
@@ -32,6 +33,7 @@ from app.trial.values import TickResult, UserInput
 from app.trial.verdicts import release_points
 from app.worker.input_latch import InputLatch
 from app.worker.messages import (
+    Asking,
     Begin,
     ControlsState,
     Failed,
@@ -76,7 +78,13 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
                 open_parts.callback(scene.close)
                 spectator_view = OnDemandView(lambda: make_spectator_view(scene))
                 open_parts.callback(spectator_view.close)
-            engine = TrialEngine(spec.setup, robot, spec.start, limit=TimeLimit)
+            engine = TrialEngine(
+                spec.setup,
+                robot,
+                spec.start,
+                limit=TimeLimit,
+                asking=lambda part, within_s: connection.send(Asking(part, within_s)),
+            )
             Worker(connection, spec, engine, scene, spectator_view).serve()
         except (EOFError, BrokenPipeError, ConnectionResetError):
             pass  # the lab is gone: nothing is left to serve
