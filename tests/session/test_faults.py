@@ -113,6 +113,13 @@ REASONS = {
     "Slow": "took longer than 100 ms",
     "CatchesEverything": "took longer than 100 ms",
     "BlocksInC": "took longer than 100 ms",
+    "HangsInC": "gave no answer for 5 s and was ended",
+    "Interrupts": "raised KeyboardInterrupt",
+    "CannotBeTold": "raised Silent: an error that cannot be told (RuntimeError)",
+    "Unprintable": "raised ValueError: name ? of a file",
+    "EndsItsProcess": "ended the process that it runs in",
+    "AnswersLater": "took longer than 100 ms",
+    "CannotRemember": "raised LookupError: forgotten",
 }
 
 
@@ -145,6 +152,26 @@ async def test_the_trial_pauses_with_the_reason_and_goes_on(arbiter: str, start_
     assert (after[FAULTY_TICK].after_pause, after[FAULTY_TICK].source) == (1, "robot")
     assert after[FAULTY_TICK].p_z == pytest.approx(before[-1].p_z + 0.02, abs=0.005)
     assert not events(lab, participant, "replay_mismatch", "worker_lost", "worker_failed")
+
+
+QUESTION = {"position_m": [0.7, 0.0, 0.88], "momentum": [0.0, 0.0, 0.0], "goals_m": [[0.8, 0.3, 0.85]]}
+
+
+@pytest.mark.parametrize("arbiter", ["Interrupts", "EndsItsProcess", "CatchesEverything", "Unprintable"])
+def test_the_api_asks_it_where_it_harms_nobody(arbiter: str, start_lab: StartLab, tmp_path: Path) -> None:
+    lab = lab_with(start_lab, tmp_path, arbiter, "tick = 0\n")
+    answer = asked(lab, "POST", "arbiter/evaluate", {**QUESTION, "condition": "own"})
+    assert answer.status_code == 422
+    assert f"arbiter 'faulty.py:{arbiter}' " in answer.text and REASONS[arbiter] in answer.text
+    assert asked(lab, "GET", "sessions").status_code == 200
+
+
+def test_the_api_tells_what_an_arbiter_of_ones_own_chooses(start_lab: StartLab, tmp_path: Path) -> None:
+    lab = lab_with(start_lab, tmp_path, "Counting")
+    question = {**QUESTION, "condition": "own", "user_action": [0, 0, 1]}
+    told = asked(lab, "POST", "arbiter/evaluate", question).json()
+    assert told["actions"][told["chosen"]] == [0, 0, 1]
+    assert asked(lab, "POST", "arbiter/evaluate", {**question, "condition": "faulty.py:Counting"}).json() == told
 
 
 async def test_the_session_is_finished_when_the_arbiter_behaves_again(start_lab: StartLab, switch: Switch) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -85,6 +87,70 @@ class BlocksInC(Faulty):
     def misbehave(self, state: State, feasible: Feasible) -> Any:
         sum(range(60_000_000))
         return STAY
+
+
+class HangsInC(Faulty):
+    """No signal ever gets through to it."""
+
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        return sum(range(10**12))
+
+
+class Interrupts(Faulty):
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        raise KeyboardInterrupt
+
+
+class CannotBeTold(Faulty):
+    """Its error cannot be turned into a text."""
+
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        class Silent(Exception):
+            def __str__(self) -> str:
+                raise RuntimeError
+
+        raise Silent
+
+
+class Unprintable(Faulty):
+    """Its error cannot be stored as it is: half a character, and a line end."""
+
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        raise ValueError("name \ud800\nof a file")
+
+
+class EndsItsProcess(Faulty):
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        os._exit(3)
+
+
+class AnswersLater(Faulty):
+    """What it returns has yet to be worked out."""
+
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        def parts() -> Iterator[int]:
+            time.sleep(60.0)
+            yield from STAY
+
+        return parts()
+
+
+class CannotRemember(Faulty):
+    """Its memory cannot be read in the tick."""
+
+    def decide(self, state: State, belief: Belief, user: Direction | None, feasible: Feasible) -> Any:
+        self.is_forgetful = False
+        return super().decide(state, belief, user, feasible)
+
+    def misbehave(self, state: State, feasible: Feasible) -> Any:
+        self.is_forgetful = True
+        return STAY
+
+    @property
+    def memory(self) -> Any:
+        if getattr(self, "is_forgetful", False):
+            raise LookupError("forgotten")
+        return None
 
 
 class Counting(Arbiter):
