@@ -21,6 +21,7 @@ from app.session.interfaces import Enrolment, LabServices
 from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.guarded_distractor import GuardedDistractor
+from app.trial.robots import robot_facts
 from app.trial.setup import StudySetup, setup_to_end, study_setup
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
@@ -91,6 +92,7 @@ class Lab:
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
+        self._robot: dict[str, str] = {}
         self._studies: dict[str, Study] = {}
         self._setups: dict[str, StudySetup] = {}
         self._setup: StudySetup | None = None
@@ -113,6 +115,7 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
+        self._robot = robot_facts(self.config.robot)
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             store.sessions()  # somebody may stand on a page that this flow has not
@@ -375,6 +378,7 @@ class Lab:
             make_spec=lambda kind, trial: self._worker_spec(enrolment, setup if can_run else None, kind, trial),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             now_unix_s=self._now_unix_s,
+            robot=self._robot,
             changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,

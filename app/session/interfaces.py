@@ -110,6 +110,8 @@ class LabServices:
     panel_link: Callable[[], Awaitable[str]]
     """A link for the second device."""
     now_unix_s: Callable[[], float]
+    robot: Mapping[str, str] = field(default_factory=dict)
+    """Which robot runs the trials, for the record."""
     changed: Callable[[str], None] = lambda participant: None
     """Told whenever something about the session may have changed."""
     flow: Flow = FLOW

@@ -79,7 +79,8 @@ class Transitions:
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             context.vitals.overruns = 0
             begun = replace(context.services.trial_row(after.trial), started_utc=context.services.now_utc())
-            batch = replace(batch, trials=(begun,))
+            robot = context.event("robot", "lab", context.services.robot)
+            batch = replace(batch, trials=(begun,), events=(*batch.events, robot))
         again = await self._practice_again() if event.name == "repeat_practice" else None
         if again is not None:
             batch = replace(batch, cycles=context.cycle_rows(again, practice=True))

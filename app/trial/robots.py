@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from study.parts.code import code_of_package
 from study.parts.registry import Registry
 
 if TYPE_CHECKING:
@@ -28,6 +29,15 @@ def make_robot(name: str) -> Robot:
     """The robot of that name. Raises `LabError` as `Registry.load`."""
     robot: Robot = ROBOTS.load(name)()
     return robot
+
+
+def robot_facts(name: str) -> dict[str, str]:
+    """Which robot that is, for the record: its name, and where it is from if it does not ship. Raises `PartError`."""
+    found = ROBOTS.registered.get(name) if name not in ROBOTS.shipped else None
+    if found is None:
+        return {"robot": name}
+    code = code_of_package("robot", name, found)
+    return {"robot": name, "package": code.package, "version": code.version, "sha256": code.sha256}
 
 
 def make_scene() -> SceneView:

@@ -231,7 +231,7 @@ def window_figure(analysis: Analysis) -> Picture:
         ax.set_ylim(bottom=0.0)
         _title(ax, "", MEASURES["window_rate"].title)
         ax.set_ylabel(_axis_label("window_rate"))
-        _legend(figure, analysis.data.conditions, columns=2)
+        _legend(figure, analysis.data.conditions)
         svg, png = _rendered(figure)
     return Picture(
         "fig6_window_rate",
@@ -433,14 +433,21 @@ def _axis_label(measure: str) -> str:
     }.get(measure, info.unit)
 
 
-def _legend(figure: Figure, conditions: Sequence[str], columns: int = 5) -> None:
+def _legend(figure: Figure, conditions: Sequence[str]) -> None:
+    """Below the figure, in as many columns as fit: conditions may have any names, and there may be any number."""
     look = looks(conditions)
     handles = [
         matplotlib.lines.Line2D([], [], ls="", marker=of.marker, ms=5.0, mfc=of.colour, mec="black", mew=0.6)
         for of in look.values()
     ]
     labels = [f"{of.letter}  {of.name}" for of in look.values()]
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), frameon=False)
+    widest_in = _LEGEND_MARK_IN + _LEGEND_SIGN_IN * max(map(len, labels))
+    columns = max(1, min(len(labels), int(figure.get_figwidth() / widest_in)))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
+
+
+_LEGEND_MARK_IN, _LEGEND_SIGN_IN = 0.35, 0.05
+"""Room that a legend's entry takes: its mark with the gaps around it, and each sign of its name."""
 
 
 @contextmanager
