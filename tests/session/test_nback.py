@@ -167,7 +167,7 @@ async def test_a_restart_in_mid_trial_remembers_the_letters_before(launch: Launc
     rows = alerts(again, made["participant"])
     assert [row.reading for row in rows] == shown
     assert [row.correct for row in rows] == [1] * 6
-    assert {row.answer for row in rows} == {"same", "different"}
+    assert [row.answer for row in rows] == [right(shown[:number]) for number in range(1, 7)]
 
 
 @pytest.mark.slow
@@ -182,4 +182,4 @@ async def test_a_scripted_client_answers_every_letter_right(launch: Launch, plac
     assert report.alerts == len(rows) > 10
     assert len(answered) >= len(rows) - 3  # the last of each of the three trials may be cut off
     assert {row.correct for row in answered} == {1}
-    assert {row.answer for row in answered} == {"same", "different"}
+    assert {row.answer for row in answered} <= {"same", "different"}
