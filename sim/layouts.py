@@ -86,8 +86,8 @@ def layout_problems(layout: Layout) -> tuple[WorldProblem, ...]:
         problems.append(WorldProblem(("name",), "is empty"))
     if not layout.objects:
         problems.append(WorldProblem(("objects",), "has no entries; a layout has objects"))
-    if len(layout.bins) < 2:
-        problems.append(WorldProblem(("bins",), f"has {len(layout.bins)} entries; at least two are needed"))
+    if not layout.bins:
+        problems.append(WorldProblem(("bins",), "has no entries; at least one is needed"))
     problems += _repeated("objects", [spec.id for spec in layout.objects])
     problems += _repeated("bins", [item.id for item in layout.bins])
     numbers = [*layout.start_world_m, layout.aisle_x_m]

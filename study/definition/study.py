@@ -86,6 +86,8 @@ __all__ = [
 DEFAULT_STUDY = Path(__file__).with_name("default.toml")
 MOST_PERMUTED = 5
 """Up to so many conditions are run in every order there is (120); nobody would ever fill the 720 of six."""
+_ANY_SEQUENCE = 3
+"""With so few conditions every sequence of the orders is filled soon."""
 
 _PLACEMENT, _OBJECTS, _BINS, _STIMULI = range(4)
 """Purposes of the random streams of a trial. Appending is safe, reordering changes every plan."""
@@ -374,16 +376,26 @@ def orders(study: Study) -> tuple[tuple[str, ...], ...]:
     """The orders of the conditions, always in the same sequence; 6 with the paper's three.
 
     Up to five conditions: every order. More: a Williams design, in which every condition stands in every place, and
-    after every other one, equally often (E. J. Williams, 1949).
+    after every other one, equally often (E. J. Williams, 1949). Four and five begin with that design, and go on square
+    by square, so that whoever stops early has every condition in every place about equally often too.
     """
     ids = study.condition_ids
-    if len(ids) <= MOST_PERMUTED:
-        return tuple(itertools.permutations(ids))
     count = len(ids)
+    if count <= _ANY_SEQUENCE:
+        return tuple(itertools.permutations(ids))
     first = [(place + 1) // 2 if place % 2 else -place // 2 for place in range(count)]  # 0, 1, -1, 2, -2, ...
-    rows = [tuple(ids[(step + shift) % count] for step in first) for shift in range(count)]
+    rows = _square(first, ids)
     # With an odd number, only the rows and their mirror images together are balanced.
-    return tuple([*rows, *(row[::-1] for row in rows)] if count % 2 else rows)
+    design = [*rows, *(row[::-1] for row in rows)] if count % 2 else rows
+    if count > MOST_PERMUTED:
+        return tuple(design)
+    squares = [_square((0, *rest), ids) for rest in itertools.permutations(range(1, count))]
+    return tuple(dict.fromkeys([*design, *(order for square in squares for order in square)]))
+
+
+def _square(steps: Sequence[int], ids: Sequence[str]) -> list[tuple[str, ...]]:
+    """So many orders as there are conditions, each condition once in each place."""
+    return [tuple(ids[(step + shift) % len(ids)] for step in steps) for shift in range(len(ids))]
 
 
 def next_order(study: Study, taken: Mapping[tuple[str, ...], int]) -> tuple[str, ...]:

@@ -249,6 +249,14 @@ def test_any_number_of_conditions_is_counterbalanced(count: int, expected: int) 
     assert [trial.condition for trial in plan.trials] == list(found[0])
 
 
+@pytest.mark.parametrize("count", [4, 5, 6, 7])
+def test_whoever_stops_early_has_every_condition_in_every_place_as_often(count: int) -> None:
+    found = orders(with_conditions(count))
+    for stopped in range(count, len(found) + 1, count):
+        places = Counter((place, name) for order in found[:stopped] for place, name in enumerate(order))
+        assert set(places.values()) == {stopped // count}
+
+
 # ---- plans
 
 

@@ -200,7 +200,7 @@ def test_every_problem_is_listed_at_once() -> None:
             {"places": ((0.72, 0.1), (0.90, 0.0))},
             "0.100 m apart sideways; to pass objects 0.074 m wide the open gripper",
         ),
-        ({"bins": (BIN,)}, "bins: has 1 entries; at least two are needed"),
+        ({"bins": ()}, "bins: has no entries; at least one is needed"),
         ({"bins": (BIN, BIN)}, "bins.1.id: 'left_bin' stands there twice"),
         ({"bins": (BIN, replace(BIN, id="other"))}, "bins.1.center_xy_m: other stands inside left_bin"),
         (
