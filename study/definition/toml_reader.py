@@ -245,8 +245,18 @@ def model_problems(model: type[pydantic.BaseModel], data: Mapping[str, Any]) -> 
     try:
         model.model_validate(data)
     except pydantic.ValidationError as error:
-        return tuple(_translate(model, data, item) for item in error.errors(include_url=False))
+        found = [_with_all_entries(item) for item in error.errors(include_url=False)]
+        return tuple(_translate(model, data, item) for item in found if item is not None)
     return ()
+
+
+def _with_all_entries(error: Any) -> Any:
+    """Of a list that is too short: the validator has left its wrong entries out, which are told by themselves. None if
+    it is long enough with them."""
+    context, given = error.get("ctx", {}), error["input"]
+    if error["type"] != "too_short" or not isinstance(given, (list, tuple)):
+        return error
+    return None if len(given) >= context["min_length"] else {**error, "ctx": {**context, "actual_length": len(given)}}
 
 
 def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: Any) -> Problem:
