@@ -18,6 +18,9 @@ if __name__ == "__main__" and not IS_PATH_SAFE and Path(sys.path[0]).resolve() !
     del sys.path[0]
     os.environ["PYTHONSAFEPATH"] = "1"
 
+# Else pydantic looks for plugins, which the lab has none of, in every installed package; one broken file would stop it.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
 from app.commands.program import run  # noqa: E402
 from app.errors import LabError  # noqa: E402
 from study.records import StudyError  # noqa: E402
