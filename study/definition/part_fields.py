@@ -115,7 +115,7 @@ def _check_fields(model: type[pydantic.BaseModel], own: Collection[str], name: s
         field = str(problem.path[0])
         if field in defaults:
             shown = one_line(ValueError(repr(defaults[field])))
-            raise StudyError(f"the default of {name}.{field} is {shown}; it {problem.sentence}")
+            raise StudyError(f"{name}: the default {shown} of {field} {problem.sentence}: change it, or the bound")
 
 
 def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Part] = Part) -> tuple[Problem, ...]:

@@ -177,9 +177,12 @@ class NoPattern:
 @pytest.mark.parametrize(
     ("parameters", "sentence"),
     [
-        (OutOfBounds, r"the default of .*OutOfBounds.weight is -1.0; it must be a number at least 0.0"),
-        (OfAnotherType, "the default of .*OfAnotherType.weight is 'heavy'; it must be a number, not a text"),
-        (NotFinite, r"the default of .*NotFinite.weights is \(1.0, nan\); it must be "),
+        (
+            OutOfBounds,
+            r"OutOfBounds: the default -1.0 of weight must be a number at least 0.0: change it, or the bound",
+        ),
+        (OfAnotherType, "OfAnotherType: the default 'heavy' of weight must be a number, not a text: change it"),
+        (NotFinite, r"NotFinite: the default \(1.0, nan\) of weights must be "),
         (NoFactory, "NoFactory cannot be made into keys of a study file: .*division by zero"),
         (Aliased, "field 'weight' of .*Aliased has an alias; a key of a study file has the field's own name"),
         (OfTheLibrary, "field 'model_config' of .*OfTheLibrary cannot be a key of a study file"),
