@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.commands.program import run
-from app.errors import LabError
-from study.records import StudyError
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+IS_PATH_SAFE = bool(sys.flags.isolated or getattr(sys.flags, "safe_path", False))
+
+if __name__ == "__main__" and not IS_PATH_SAFE and Path(sys.path[0]).resolve() != CHECKOUT:
+    # `python -m` looks for modules and installed packages in the current folder first. That may be a stranger's, with
+    # study file and all, whose code is not to run unasked, here or in a process that this one starts.
+    del sys.path[0]
+    os.environ["PYTHONSAFEPATH"] = "1"
+
+# Else pydantic looks for plugins, which the lab has none of, in every installed package; one broken file would stop it.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
+from app.commands.program import run  # noqa: E402
+from app.errors import LabError  # noqa: E402
+from study.records import StudyError  # noqa: E402
 
 if TYPE_CHECKING:
     from study.flow.flow import Flow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import keyword
 import re
 import sys
@@ -149,8 +150,26 @@ def with_condition(study: str, name: str) -> str:
 
 def _filled(template: str, name: str) -> str:
     words = name.replace("_", " ").strip()
-    class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
-    return Template(template).substitute(name=name, class_name=class_name, words=words[0].upper() + words[1:])
+    return Template(template).substitute(name=name, class_name=_class_name(name), words=words[0].upper() + words[1:])
+
+
+def _class_name(name: str) -> str:
+    return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
+
+
+def _names_in(code: str) -> set[str]:
+    """Every name that this code defines, imports or uses."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Name):
+            found.add(node.id)
+        elif isinstance(node, ast.arg):
+            found.add(node.arg)
+        elif isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            found.add(node.name)
+        elif isinstance(node, ast.alias):
+            found.add(node.asname or node.name)
+    return found
 
 
 def _check(name: str) -> None:
@@ -158,6 +177,10 @@ def _check(name: str) -> None:
         raise LabError(f"{name!r} is no name for an arbiter; give lower-case letters, digits and _, such as blend")
     if name in ARBITERS.names:
         raise LabError(f"{name!r} is an arbiter already; arbiters are {', '.join(ARBITERS.names)}. Choose another name")
+    another = f"{name}_or_another"  # so that whatever is called as it should be is of the files' own
+    taken = _names_in(_filled(_ARBITER, another)) | _names_in(_filled(_TEST, another))
+    if {name, _class_name(name)} & taken or keyword.iskeyword(_class_name(name)):
+        raise LabError(f"{name!r} is a name that the files written need themselves; choose another name")
     elsewhere = [place for place in sys.path if place and Path(place).resolve() != Path.cwd()]
     if name in sys.stdlib_module_names or PathFinder.find_spec(name, elsewhere) is not None:
         raise LabError(f"{name!r} is the name of an installed module, which {name}.py would hide; choose another name")

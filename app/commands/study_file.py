@@ -99,8 +99,9 @@ def check(
         print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
         return 1
     print(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    held = held_codes(file)
     for code in study.codes:
-        print(code_line(code, trust))
+        print(code_line(code, trust, file.parent, code in held))
     if any(code.is_beside for code in study.codes) and not trust:
         print(f"Not run, and so not checked: that code. Read it, then: salab check {file} --trust")
         _draw(layout_of(study), file, picture)
@@ -146,12 +147,41 @@ def _write(texts: Mapping[Path, str]) -> None:
         raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
 
 
-def code_line(code: Code, trust: bool) -> str:
-    """What a study would run that does not ship with the lab."""
-    size = sum(len(text.encode()) for text in code.files.values())
-    source = f"{code.package} {code.version}" if code.package else f"{size} bytes beside the study file"
+def code_line(code: Code, trust: bool, folder: Path, is_held: bool) -> str:
+    """What a study would run that does not ship with the lab, and where it is to be read.
+
+    `is_held`: the study file in `folder` holds the source itself, and a file beside it is not what runs.
+    """
     runs = "runs" if trust or not code.is_beside else "would run"
-    return f"{runs} {code.kind} {code.name} from {source}, SHA-256 {code.sha256}"
+    return f"{runs} {code.kind} {code.name} from {_source(code, folder, is_held)}, SHA-256 {code.sha256}"
+
+
+def _source(code: Code, folder: Path, is_held: bool) -> str:
+    from study.parts.code import code_beside, file_of
+    from study.parts.errors import PartError
+
+    if not code.is_beside:
+        return code.from_package
+    size = sum(len(text.encode()) for text in code.files.values())
+    if not is_held:
+        return f"{size} bytes beside the study file"
+    inside = f"{size} bytes inside the study file, in its table [[code]]"
+    beside = file_of(code.name)
+    if not (folder / beside).exists():
+        return inside
+    try:
+        differs = code_beside(code.kind, code.name, folder).sha256 != code.sha256
+    except PartError:
+        differs = True
+    return f"{inside}, not from {beside} beside it, which differs" if differs else inside
+
+
+def held_codes(file: Path) -> tuple[Code, ...]:
+    """The sources that a study file holds itself."""
+    from study.definition.named_parts import codes_of
+    from study.definition.toml_reader import parse_toml
+
+    return codes_of(parse_toml(file.read_bytes(), str(file))[0])
 
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -165,6 +195,9 @@ def _draw(layout: Layout, file: Path, picture: Path | None) -> None:
     if target.suffix.lower() not in PICTURES:
         raise LabError(f"--picture {target}: a picture's name ends in {', '.join(PICTURES)}")
     try:
+        if target.is_symlink() or not (target.is_file() or target.is_dir() or not target.exists()):
+            # Whoever sent the study file may have sent the link as well, and what it leads to would be replaced.
+            raise OSError("a link, or no regular file, is not written to")
         write_layout_picture(layout, target)
     except OSError as error:
         if picture is not None:

@@ -41,6 +41,10 @@ class PartContract:
     def test_its_parameters_are_fields_of_a_study_file(self, part: Candidate) -> None:
         """A frozen dataclass, with defaults that its own bounds allow, and nothing beyond them."""
         parameters = part.loaded.Parameters
+        try:
+            model_of(parameters)
+        except StudyError as error:
+            mend(f"{part}: its parameters cannot be used: {error}")
         usual = {
             field.name: field.default for field in fields(parameters) if field.init and field.default is not MISSING
         }

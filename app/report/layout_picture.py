@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import matplotlib
@@ -26,7 +27,14 @@ def write_layout_picture(layout: Layout, file: Path) -> None:
     Objects stand on the places in their order, as an example: in a study each may stand on any. Places with a problem
     are red.
     """
-    with matplotlib.rc_context({"font.size": 7.0, "svg.hashsalt": "layout", "axes.edgecolor": INK}):
+    with (
+        # A label may have dollar signs: none of it is mathematics.
+        matplotlib.rc_context(
+            {"font.size": 7.0, "svg.hashsalt": "layout", "axes.edgecolor": INK, "text.parse_math": False}
+        ),
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", message="Glyph")  # a sign that the font lacks is drawn as a box
         figure = Figure(figsize=(150 * MM, 250 * MM), layout="constrained")
         above, ahead = figure.subplots(2, 1, sharex=True, height_ratios=(1.05, 1.0))
         figure.suptitle(f"Layout “{layout.name}”", fontsize=11, fontweight="bold")
@@ -51,7 +59,7 @@ def _from_above(axes: Axes, layout: Layout, placed: tuple[PlacedObject, ...]) ->
         _box(axes, item.center_xy_m, outer, _hex(item.color_rgb), zorder=3)
         _box(axes, item.center_xy_m, item.inner_size_m, _hex(_darker(item.color_rgb)), zorder=3)
         x_m, y_m = item.center_xy_m
-        axes.text(y_m, x_m - 0.05, item.label, ha="center", va="center", color="white", zorder=6)
+        axes.text(y_m, x_m - 0.05, _text(item.label), ha="center", va="center", color="white", zorder=6)
         axes.plot(item.release_world_m[1], item.release_world_m[0], "x", color="white", zorder=6)
     y_m_of_bins = [item.release_world_m[1] for item in layout.bins]
     axes.plot([min(y_m_of_bins), max(y_m_of_bins)], [layout.aisle_x_m] * 2, "--", color=INK, lw=0.8, zorder=4)
@@ -72,7 +80,7 @@ def _from_above(axes: Axes, layout: Layout, placed: tuple[PlacedObject, ...]) ->
     for standing in placed:
         x_m, y_m, _ = standing.base_world_m
         axes.add_patch(_footprint(standing))
-        axes.text(y_m, x_m - 0.048, standing.spec.label, ha="center", va="top", fontsize=6, zorder=7)
+        axes.text(y_m, x_m - 0.048, _text(standing.spec.label), ha="center", va="top", fontsize=6, zorder=7)
     axes.set(xlabel="y, metres, to the robot's left", ylabel="x, metres, ahead of the robot", aspect="equal")
     axes.set_facecolor(GROUND)
     axes.set_ylim(0.1, max(1.0, table.center_world_m[0] + table.size_m[0] / 2 + 0.03))
@@ -165,3 +173,7 @@ def _darker(color: Rgb) -> Rgb:
 
 def _heights(heights_m: list[float]) -> str:
     return ", ".join(f"{height_m:g}" for height_m in heights_m) + " m"
+
+
+def _text(label: str) -> str:
+    return "".join(sign if sign.isprintable() else " " for sign in label)

@@ -15,7 +15,7 @@ from study.definition.toml_reader import spell
 from study.flow.distractors.contract import broken_promise
 from study.flow.distractors.interface import Distractor
 from study.parts.code import Code
-from study.parts.errors import PartError
+from study.parts.errors import PartError, one_line
 from study.parts.registry import Registry
 from study.parts.shelf import Named, Shelf, code_among
 
@@ -109,9 +109,9 @@ def _make(part: Named, given: Models | DistractorSettings) -> Any:
     loaded = shelf(trust=True).load(part.kind, part.name, part.code)
     try:
         return loaded(made(loaded.Parameters, part.parameters), given)
-    except Exception as error:  # somebody else's code may raise whatever it likes
-        text = " ".join(str(error).split())
-        raise PartError(f"{part.kind} {part.name!r} cannot be made: {type(error).__name__}: {text}") from error
+    except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
+        text = f"{type(error).__name__}: {one_line(error)}"
+        raise PartError(f"{part.kind} {part.name!r} cannot be made: {text}") from error
 
 
 # ---- tried out while a study file is read -------------------------------------------------------------------------
@@ -120,8 +120,8 @@ def _make(part: Named, given: Models | DistractorSettings) -> Any:
 def _tried(name: str, loaded: Any, make: Callable[[], Any]) -> str | None:
     try:
         make()
-    except Exception as error:  # somebody else's code may raise whatever it likes
-        return f"{name} {loaded.__name__} cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
+    except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
+        return f"{name} {loaded.__name__} cannot be made: {type(error).__name__}: {one_line(error)}"
     return None
 
 

@@ -18,6 +18,7 @@ def _link(value: object) -> object:
 
 
 Text = Annotated[str, Field(min_length=1, strict=True)]
+Label = Annotated[str, Field(min_length=1, max_length=80, strict=True)]
 Identifier = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z0-9][a-z0-9_]*$", strict=True)]
 Paragraphs = Annotated[tuple[Text, ...], Field(min_length=1)]
 Flag = Annotated[bool, Field(strict=True)]

@@ -39,6 +39,10 @@ def layout_problems(data: Mapping[str, Any], world: WorldCheck | None) -> Iterat
                 yield Problem((*place, "objects", number, "id"), "is an object that ships; choose another id")
             if item.get("mesh") and item.get("drawing"):
                 yield Problem((*place, "objects", number, "drawing"), "must be left out with a mesh")
+        objects = {*all_shipped_objects(), *_ids(entry, "objects")}
+        for number, item in tables(entry.get("bins")):
+            if isinstance(item.get("id"), str) and item["id"] in objects:
+                yield Problem((*place, "bins", number, "id"), "is the id of an object; choose another id")
         for mesh, where in mesh_names(entry).items():
             if mesh not in meshes:
                 yield Problem((*place, *where), "no such file beside this file")

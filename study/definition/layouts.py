@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from study.definition.field_types import Identifier, Part, Text, number
+from study.definition.field_types import Identifier, Label, Part, Text, number
 from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report, tables
 
 HERE = Path(__file__).parent
@@ -95,7 +95,7 @@ class LayoutBin(Part):
 
     id: Identifier
     """Its name in `bins` and in the data."""
-    label: Text
+    label: Label
     """What the participant reads, such as "left bin"."""
     center_m: PointXY
     """The middle of its floor, x and y."""
@@ -128,7 +128,7 @@ class LayoutObject(Part):
 
     id: Identifier
     """Its name in `objects` and in the data."""
-    label: Text
+    label: Label
     """What the participant reads, such as "spray bottle"."""
     shape: Literal["cylinder", "box"]
     """What physics takes it for; it stands upright."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from study.definition.field_types import PART_NAME, Part
 from study.definition.part_fields import field_names, parameter_problems
@@ -18,10 +18,10 @@ from study.definition.sections import (
     DistractorSettings,
     InferenceSettings,
 )
-from study.definition.toml_reader import FieldPath, Problem, choices_sentence, model_problems
+from study.definition.toml_reader import FieldPath, Problem, choices_sentence, model_problems, tables
 from study.definition.toml_writer import long_text, toml
-from study.parts.code import Code, is_file, sha256_of
-from study.parts.errors import PartError
+from study.parts.code import Code, file_of, is_file, sha256_of
+from study.parts.errors import PartError, one_line
 from study.parts.shelf import Shelf, code_among
 from study.records import StudyError
 
@@ -82,9 +82,14 @@ def code_table(code: Code) -> str:
 
 def codes_of(data: Mapping[str, Any]) -> tuple[Code, ...]:
     """The sources that the unchecked data hold; what cannot be read is left out."""
-    entries = data.get("code")
-    tables = [entry for entry in (entries if isinstance(entries, list) else []) if isinstance(entry, Mapping)]
-    return tuple(CodeText.model_validate(table).code for table in tables if not model_problems(CodeText, table))
+    return tuple(text.code for _, text in _code_texts(data))
+
+
+def _code_texts(data: Mapping[str, Any]) -> Iterator[tuple[int, CodeText]]:
+    """The tables of sources that can be read, each with its position."""
+    for position, table in tables(data.get("code")):
+        if not model_problems(CodeText, table):
+            yield position, CodeText.model_validate(table)
 
 
 def part_problems(data: Mapping[str, Any], shelf: Shelf, told: Collection[FieldPath] = ()) -> Iterator[Problem]:
@@ -97,10 +102,8 @@ def part_problems(data: Mapping[str, Any], shelf: Shelf, told: Collection[FieldP
 
 
 def _part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
+    yield from _code_problems(data)
     codes = codes_of(data)
-    for number, code in enumerate(codes):
-        if code.is_beside and sha256_of(code.files) != code.sha256:
-            yield Problem(("code", number, "sha256"), "is not the hash of these files")
     shared = data.get("arbiter")
     shared = shared if isinstance(shared, Mapping) else {}
     conditions = data.get("conditions")
@@ -118,6 +121,25 @@ def _part_problems(data: Mapping[str, Any], shelf: Shelf) -> Iterator[Problem]:
     if isinstance(distractor, Mapping):
         name = distractor.get("kind", DistractorSettings().kind)
         yield from _taken("distractor", name, distractor, ("distractor",), "kind", shelf, codes, {})
+
+
+def _code_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    """Sources that nothing runs, or that are not what they seem: whoever reads the file is to see what would run."""
+    called = {(kind, name) for kind, name, _ in named_parts(data)}
+    first: dict[tuple[str, str], int] = {}
+    for position, text in _code_texts(data):
+        place: FieldPath = ("code", position)
+        which, code = (text.kind, text.name), text.code
+        if text.kind not in _BASES:
+            yield Problem((*place, "kind"), choices_sentence(text.kind, _BASES, "kinds"))
+        elif first.setdefault(which, position) != position:
+            yield Problem((*place, "name"), f"repeats entry {first[which] + 1}; a part has one source")
+        elif which not in called:
+            yield Problem((*place, "name"), f"is the source of no {text.kind} that this study names; leave it out")
+        if code.is_beside and [file.name for file in text.files] != [file_of(text.name)]:
+            yield Problem((*place, "files"), f"must be one file, called {file_of(text.name)}")
+        elif code.is_beside and sha256_of(code.files) != code.sha256:
+            yield Problem((*place, "sha256"), "is not the hash of these files")
 
 
 def _inference_problems(
@@ -141,14 +163,15 @@ def _taken(
     if not isinstance(name, str) or not _is_name(name):
         return
     code = code_among(codes, kind, name)
-    known = shelf.registries[kind].names
-    if code is None and not is_file(name) and name not in known:
-        hint = ", or your own as file.py:Class in a file beside this one" if kind != "distractor" else ""
-        yield Problem((*place, key), choices_sentence(name, known, f"{kind}s") + hint)
-        return
-    if not shelf.may_run(code):
-        return
+    registry = shelf.registries[kind]
     try:
+        # What is installed matters only to who names it: a broken package is in nobody else's way.
+        if code is None and not is_file(name) and name not in registry.shipped and name not in registry.names:
+            hint = ", or your own as file.py:Class in a file beside this one" if kind != "distractor" else ""
+            yield Problem((*place, key), choices_sentence(name, registry.names, f"{kind}s") + hint)
+            return
+        if not shelf.may_run(code):
+            return
         part = shelf.load(kind, name, code)
         usual = {field: value for field, value in shared.items() if field in field_names(part.Parameters)}
         whole = {**usual, **table}
@@ -160,6 +183,9 @@ def _taken(
         return
     except StudyError as error:
         yield Problem((*place, key), f"its parameters cannot be used: {error}")
+        return
+    except (Exception, SystemExit) as error:  # somebody else's class may raise whatever it likes while it is looked at
+        yield Problem((*place, key), f"its parameters cannot be used: {type(error).__name__}: {one_line(error)}")
         return
     if broken is not None:
         yield Problem((*place, key), broken)
@@ -174,6 +200,9 @@ def _is_name(value: object) -> bool:
 
 class _ConditionFields(Condition):
     model_config = Part.model_config
+
+    TAKEN: ClassVar[tuple[str, ...]] = ("condition",)
+    """In the record of a trial, the arbiter's name."""
 
 
 class _InferenceFields(InferenceSettings):

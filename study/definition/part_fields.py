@@ -17,7 +17,8 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
+import warnings
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
@@ -26,6 +27,7 @@ from pydantic import Field
 
 from study.definition.field_types import Part
 from study.definition.toml_reader import Problem, model_problems
+from study.parts.errors import one_line
 from study.records import StudyError
 
 Parameters = TypeVar("Parameters")
@@ -54,7 +56,8 @@ def model_of(parameters: type, base: type[Part] = Part) -> type[pydantic.BaseMod
     """The model of a table with these parameters, beside the fields of `base` when the table has others too.
 
     Numbers are strict: true and false are none, nor are texts, NaN and infinity; a whole number is a number. Raises
-    `StudyError` when the class is no frozen dataclass, a field has a type no study file can hold, or a name is taken.
+    `StudyError` when the class is no frozen dataclass, a field has a type no study file can hold, a name is taken, or a
+    default is none that a study file could give.
     """
     return _model_of(parameters, base)
 
@@ -67,18 +70,52 @@ def _model_of(parameters: Any, base: Any) -> type[pydantic.BaseModel]:
         raise StudyError(f"parameters {name} must be a frozen dataclass")
     try:
         hints = typing.get_type_hints(parameters, include_extras=True)
-    except Exception as error:  # an annotation may be any expression of its author's
-        raise StudyError(f"the types of {name} cannot be read: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:  # an annotation may be any expression of its author's
+        raise StudyError(f"the types of {name} cannot be read: {type(error).__name__}: {one_line(error)}") from error
+    taken = (*base.model_fields, *getattr(base, "TAKEN", ()))
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(parameters):
-        if field.name in base.model_fields:
-            raise StudyError(f"field {field.name!r} of {name} is taken; others are {', '.join(base.model_fields)}")
+        if field.name in taken:
+            raise StudyError(f"field {field.name!r} of {name} is taken; others are {', '.join(taken)}")
+        if field.name.startswith("_") or (field.name.startswith("model_") and hasattr(Part, field.name)):
+            raise StudyError(f"field {field.name!r} of {name} cannot be a key of a study file; call it something else")
         if field.init:
             fields[field.name] = (_strict(hints[field.name], f"{name}.{field.name}"), _default(field))
-    model: type[pydantic.BaseModel] = pydantic.create_model(
-        parameters.__name__, __base__=base, __module__=parameters.__module__, __doc__=parameters.__doc__, **fields
-    )
+    try:
+        with warnings.catch_warnings():  # a field may well be called copy or json, though the library has such methods
+            warnings.simplefilter("ignore", UserWarning)
+            model: type[pydantic.BaseModel] = pydantic.create_model(
+                parameters.__name__,
+                __base__=base,
+                __module__=parameters.__module__,
+                __doc__=parameters.__doc__,
+                **fields,
+            )
+        _check_fields(model, fields, name)
+    except StudyError:
+        raise
+    except (Exception, SystemExit) as error:  # bounds, patterns and default factories are its author's as well
+        *_, innermost = str(error).strip().splitlines() or [type(error).__name__]
+        told = one_line(ValueError(innermost))
+        raise StudyError(f"{name} cannot be made into keys of a study file: {told}") from error
     return model
+
+
+def _check_fields(model: type[pydantic.BaseModel], own: Collection[str], name: str) -> None:
+    """Raises `StudyError` for a field with another name in the file than in the class, and for a default that the
+    file could not give."""
+    defaults = {}
+    for field in own:
+        about = model.model_fields[field]
+        if about.alias is not None or about.validation_alias is not None:
+            raise StudyError(f"field {field!r} of {name} has an alias; a key of a study file has the field's own name")
+        if not about.is_required():
+            defaults[field] = about.get_default(call_default_factory=True)
+    for problem in model_problems(model, defaults):
+        field = str(problem.path[0])
+        if field in defaults:
+            shown = one_line(ValueError(repr(defaults[field])))
+            raise StudyError(f"{name}: the default {shown} of {field} {problem.sentence}: change it, or the bound")
 
 
 def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Part] = Part) -> tuple[Problem, ...]:
@@ -89,12 +126,15 @@ def parameter_problems(parameters: type, data: Mapping[str, Any], base: type[Par
     try:
         made(parameters, data)
     except WrongParameter as wrong:
-        return (*found, Problem((wrong.field,), wrong.sentence))
+        return (*found, Problem((wrong.field,), one_line(wrong).removeprefix(f"{wrong.field}: ")))
     except Exception as error:  # somebody else's code may raise whatever it likes
         # "alpha is 3.0; it must be 0": the field comes first, if it is about one
-        field, _, rest = str(error).partition(" is ")
+        told = one_line(error) or type(error).__name__
+        field, _, rest = told.partition(" is ")
         about = field in {item.name for item in dataclasses.fields(parameters)}
-        return (*found, Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), str(error)))
+        return (*found, Problem((field,), rest.partition("; it ")[2] or rest) if about else Problem((), told))
+    except SystemExit as error:
+        return (*found, Problem((), f"raises SystemExit: {one_line(error)}"))
     return found
 
 

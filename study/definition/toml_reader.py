@@ -245,8 +245,18 @@ def model_problems(model: type[pydantic.BaseModel], data: Mapping[str, Any]) -> 
     try:
         model.model_validate(data)
     except pydantic.ValidationError as error:
-        return tuple(_translate(model, data, item) for item in error.errors(include_url=False))
+        found = [_with_all_entries(item) for item in error.errors(include_url=False)]
+        return tuple(_translate(model, data, item) for item in found if item is not None)
     return ()
+
+
+def _with_all_entries(error: Any) -> Any:
+    """Of a list that is too short: the validator has left its wrong entries out, which are told by themselves. None if
+    it is long enough with them."""
+    context, given = error.get("ctx", {}), error["input"]
+    if error["type"] != "too_short" or not isinstance(given, (list, tuple)):
+        return error
+    return None if len(given) >= context["min_length"] else {**error, "ctx": {**context, "actual_length": len(given)}}
 
 
 def _translate(model: type[pydantic.BaseModel], data: Mapping[str, Any], error: Any) -> Problem:
@@ -309,14 +319,20 @@ def _expected(model: type[pydantic.BaseModel], path: FieldPath) -> str:
     bounds = []
     for item in field.metadata:
         if isinstance(item, annotated_types.Gt):
-            bounds.append(f"above {item.gt}")
+            bounds.append(f"above {_bound(item.gt, annotation)}")
         elif isinstance(item, annotated_types.Ge):
-            bounds.append(f"at least {item.ge}")
+            bounds.append(f"at least {_bound(item.ge, annotation)}")
         elif isinstance(item, annotated_types.Lt):
-            bounds.append(f"below {item.lt}")
+            bounds.append(f"below {_bound(item.lt, annotation)}")
         elif isinstance(item, annotated_types.Le):
-            bounds.append(f"at most {item.le}")
+            bounds.append(f"at most {_bound(item.le, annotation)}")
     return f"must be {noun} {' and '.join(bounds)}".rstrip()
+
+
+def _bound(bound: Any, annotation: Any) -> Any:
+    """0.0 for a number's bound of 0: `typing` keeps one of `Annotated[float, Ge(0)]` and `Annotated[float, Ge(0.0)]`,
+    whichever came first."""
+    return float(bound) if annotation is float and isinstance(bound, int) else bound
 
 
 def _literals(model: type[pydantic.BaseModel], path: FieldPath) -> list[str]:

@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 import json
 import linecache
+import stat
 import sys
 import types
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study.parts.errors import PartError
+from study.parts.errors import PartError, one_line
 from study.parts.registry import Registered, Registry
 
 MAX_SOURCE_BYTES = 1_000_000
@@ -45,26 +46,47 @@ class Code:
         """Whether it came from a file beside the study file, and so from whoever sent that file."""
         return is_file(self.name)
 
+    @property
+    def from_package(self) -> str:
+        """The package it came with, and its version, in one line: what a study file says there may be anything."""
+        return one_line(ValueError(f"{self.package} {self.version}")) or "a package without a name"
+
 
 def is_file(name: str) -> bool:
     """Whether a part is named as `file.py:Class`."""
-    return name.partition(":")[0].endswith(".py")
+    return file_of(name).endswith(".py")
+
+
+def file_of(name: str) -> str:
+    """`blend.py` of `blend.py:Blend`."""
+    return name.partition(":")[0]
 
 
 def code_beside(kind: str, name: str, folder: Path) -> Code:
-    """The code of `blend.py:Blend` in a folder. Raises `PartError`."""
+    """The code of `blend.py:Blend` in a folder. Raises `PartError`.
+
+    A study file is a stranger's: a link could take any file of this machine into the study's text, and a pipe would
+    never end.
+    """
     file, _, attribute = name.partition(":")
     if not attribute.isidentifier() or Path(file).name != file or not Path(file).stem.isidentifier():
         raise PartError(f"{kind} {name!r}; a file beside the study file is named as blend.py:Blend")
+    path = folder / file
     try:
-        source = (folder / file).read_bytes()
-        text = source.decode("utf-8")
+        mode = path.lstat().st_mode
+        if not stat.S_ISREG(mode):
+            kind_of_file = "a symbolic link" if stat.S_ISLNK(mode) else "no regular file"
+            raise PartError(f"{kind} {name!r}: {file} is {kind_of_file}; put the file itself beside the study file")
+        with path.open("rb") as opened:
+            source = opened.read(MAX_SOURCE_BYTES + 1)
     except OSError as error:
         raise PartError(f"{kind} {name!r} cannot be read: {error.strerror or error}") from None
+    if len(source) > MAX_SOURCE_BYTES:
+        raise PartError(f"{kind} {name!r} has more than {MAX_SOURCE_BYTES} bytes, the most a study carries along")
+    try:
+        text = source.decode("utf-8-sig")  # an editor may have put a byte order mark before it
     except UnicodeDecodeError as error:
         raise PartError(f"{kind} {name!r} is not UTF-8 text (byte {error.start})") from None
-    if len(source) > MAX_SOURCE_BYTES:
-        raise PartError(f"{kind} {name!r} has {len(source)} bytes; at most {MAX_SOURCE_BYTES}")
     files = {file: text.replace("\r\n", "\n")}
     return Code(kind, name, sha256_of(files), files)
 
@@ -85,11 +107,13 @@ def load(code: Code, registry: Registry) -> Any:
     if code.is_beside:
         if sha256_of(code.files) != code.sha256:
             raise PartError(f"{called}: its source is not the one its SHA-256 {code.sha256[:12]} stands for")
+        if tuple(code.files) != (file_of(code.name),):
+            raise PartError(f"{called}: its source must be one file, {file_of(code.name)}")
         return _class_in_text(code, registry, called)
     now = current_code(code.kind, code.name, registry)
     if now is None or now.sha256 != code.sha256:
-        was = f"{code.package} {code.version}, source {code.sha256[:12]}"
-        have = "it is not installed" if now is None else f"here it is {now.package} {now.version}, {now.sha256[:12]}"
+        was = f"{code.from_package}, source {code.sha256[:12]}"
+        have = "it is not installed" if now is None else f"here it is {now.from_package}, {now.sha256[:12]}"
         raise PartError(f"{called} was {was} when the study was made; {have}. Install that version to go on")
     return registry.load(code.name)
 
@@ -126,7 +150,7 @@ def _class_in_text(code: Code, registry: Registry, called: str) -> Any:
     except AttributeError:
         raise PartError(f"{called} cannot be loaded: {file} has no {attribute}") from None
     except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
-        raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {one_line(error)}") from error
     registry.check(loaded, called)
     return loaded
 

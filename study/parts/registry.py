@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, reduce
+from typing import TYPE_CHECKING, Any
 
-from study.parts.errors import PartError
+from study.parts.errors import PartError, one_line
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,11 @@ class Registry:
     def registered(self) -> Mapping[str, Registered]:
         """The parts of other packages, by name.
 
-        Raises `PartError` when a package registers a name that is taken: nobody could say which one ran.
+        Raises `PartError` when a package registers a name that is taken: nobody could say which one ran; and when what
+        a package registers cannot be read.
         """
-        from importlib.metadata import entry_points  # takes a while, and most names are shipped ones
-
         found: dict[str, Registered] = {}
-        for point in sorted(entry_points(group=self.group), key=lambda point: point.name):
+        for point in sorted(_entry_points(self.group), key=lambda point: point.name):
             taken = self.shipped.get(point.name) or (point.name in found and found[point.name].place)
             if taken:
                 source = point.dist.name if point.dist else point.value
@@ -60,8 +62,8 @@ class Registry:
                     f"{source} registers {self.noun} {point.name!r}, which is {taken} already; "
                     "rename it there, or uninstall one of the two"
                 )
-            package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
-            found[point.name] = Registered(point.value, package, version)
+            package, version = (point.dist.name or "", point.dist.version or "") if point.dist else ("", "")
+            found[point.name] = Registered(_place(point), package, version)
         return found
 
     @cached_property
@@ -95,14 +97,23 @@ class Registry:
         module, _, attribute = place.partition(":")
         called = f"{self.noun} {name!r} ({place})"
         try:
-            loaded = getattr(importlib.import_module(module), attribute)
+            loaded = reduce(getattr, attribute.split("."), importlib.import_module(module))
         except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
-            raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {_one_line(error)}") from error
+            raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {one_line(error)}") from error
         self.check(loaded, called)
         return loaded
 
     def check(self, loaded: Any, called: str) -> None:
         """Raises `PartError` unless this class can be a part of this kind; `called` is what the error calls it."""
+        try:
+            self._check(loaded, called)
+        except PartError:
+            raise
+        except (Exception, SystemExit) as error:  # even looking at somebody else's class may raise
+            told = f"{type(error).__name__}: {one_line(error)}"
+            raise PartError(f"{called} cannot be looked at: {told}") from error
+
+    def _check(self, loaded: Any, called: str) -> None:
         if not self.methods:
             return
         # What a base class declares but nobody has written is not there.
@@ -119,5 +130,28 @@ class Registry:
                 raise PartError(f"{called} must be a class derived from {module}.{attribute}")
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def _entry_points(group: str) -> Iterable[EntryPoint]:
+    from importlib.metadata import distributions, entry_points  # takes a while, and most names are shipped ones
+
+    try:
+        return entry_points(group=group)
+    except Exception:  # one file that cannot be read hides those of all packages
+        broken = []
+        for package in distributions():
+            try:
+                _ = package.entry_points
+            except Exception as error:
+                broken.append(
+                    f"{package.name or 'a package without a name'} ({type(error).__name__}: {one_line(error)})"
+                )
+        raise PartError(
+            f"what is installed cannot be read: entry_points.txt of {', '.join(broken)}; mend or uninstall it"
+        ) from None
+
+
+def _place(point: EntryPoint) -> str:
+    """`module:Class`, without the extras that an entry point may name behind it; what is none, as it stands."""
+    try:
+        return f"{point.module}:{point.attr}" if point.attr else point.value
+    except AttributeError:
+        return point.value

@@ -77,6 +77,9 @@ def test_nothing_is_overwritten_and_then_nothing_is_written(there: str, capsys: 
     assert Path(there).read_text(encoding="utf-8") == "years of work"
 
 
+THEIR_OWN = ("state", "models", "belief", "parameters", "arbiter", "explanation", "float", "none")
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [
@@ -86,6 +89,7 @@ def test_nothing_is_overwritten_and_then_nothing_is_written(there: str, capsys: 
         ("class", "is no name for an arbiter"),
         ("test_it", "is no name for an arbiter"),
         ("balanced", "'balanced' is an arbiter already; arbiters are teleoperation, goal_oriented, balanced"),
+        *((name, f"{name!r} is a name that the files written need themselves") for name in THEIR_OWN),
         ("random", "'random' is the name of an installed module, which random.py would hide"),
         ("numpy", "'numpy' is the name of an installed module"),
     ],

@@ -108,6 +108,37 @@ def test_a_folder_that_takes_no_picture_does_not_spoil_the_check(
     assert "layout 'arc' is not drawn: mine.layout.png cannot be written: Is a directory" in said
 
 
+def test_a_picture_replaces_nothing_that_a_link_leads_to(capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "new", "mine")
+    Path("precious.txt").write_text("years of work", encoding="utf-8")
+    Path("mine.layout.png").symlink_to("precious.txt")
+    status, said, _ = run(capsys, "check", "mine.toml")
+    assert status == 0
+    assert "layout 'arc' is not drawn: mine.layout.png cannot be written: a link, or no regular file, is not" in said
+    Path("picture.png").symlink_to("precious.txt")
+    status, _, told = run(capsys, "check", "mine.toml", "--picture", "picture.png")
+    assert (status, told) == (
+        1,
+        "salab: picture.png: cannot be written: a link, or no regular file, is not written to\n",
+    )
+    assert Path("precious.txt").read_text(encoding="utf-8") == "years of work"
+
+
+def test_labels_are_drawn_as_they_stand(capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder) -> None:
+    example = Path(__file__).resolve().parents[2] / "docs" / "examples" / "05_layout"
+    for name in ("study.toml", "mug.obj"):
+        Path(name).write_text((example / name).read_text(encoding="utf-8"), encoding="utf-8")
+    kitchen = (example / "kitchen.toml").read_text(encoding="utf-8")
+    odd = 'label = "$\\\\frac{1}{0}$ $x_{$ \\n\\u0007 🥣"'
+    for label in ('label = "cereal box"', 'label = "recycling"'):
+        assert label in kitchen
+        kitchen = kitchen.replace(label, odd)
+    Path("kitchen.toml").write_text(kitchen, encoding="utf-8")
+    status, said, told = run(capsys, "check", "study.toml")
+    assert (status, told, list(recwarn)) == (0, "", [])
+    assert "layout 'kitchen' is drawn in study.layout.png" in said
+
+
 def test_every_problem_is_told_at_once_with_file_and_line(capsys: pytest.CaptureFixture[str]) -> None:
     run(capsys, "new", "mine")
     text = Path("mine.toml").read_text(encoding="utf-8")

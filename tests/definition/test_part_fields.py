@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import pytest
+from annotated_types import Ge
 from pydantic import Field, ValidationError
 
 from study.definition.field_types import Part
@@ -32,6 +33,10 @@ class Parameters:
             raise ValueError("word is 'stop'; it must be another one")
         if self.word == "end":
             raise RuntimeError("cannot go on")
+        if self.word == "exit":
+            raise SystemExit(3)
+        if self.word == "lines":
+            raise ValueError("not\n  this\x1b[31m\nway" + " and on" * 100)
         if self.count > 4 and self.mode == "slow":
             raise WrongParameter("count", f"must be at most 4 with mode {self.mode!r}")
 
@@ -86,6 +91,9 @@ def test_what_is_missing_and_what_clashes_is_said_at_its_field() -> None:
     assert sentences({"weight": 1.0, "count": 5, "mode": "fast"}) == {}
     assert sentences({"weight": 1.0, "word": "stop"}) == {"word": "must be another one"}
     assert sentences({"weight": 1.0, "word": "end"}) == {"": "cannot go on"}
+    assert sentences({"weight": 1.0, "word": "exit"}) == {"": "raises SystemExit: 3"}
+    (told,) = sentences({"weight": 1.0, "word": "lines"}).values()
+    assert told.startswith("not this?[31m way and on") and told.endswith("…") and len(told) == 300
 
 
 def test_the_table_may_have_fields_of_its_own_beside_them() -> None:
@@ -121,9 +129,66 @@ class Unreadable:
     weight: Nowhere = 1.0  # type: ignore[name-defined] # noqa: F821
 
 
+@dataclass(frozen=True)
+class OutOfBounds:
+    weight: Annotated[float, Field(ge=0.0)] = -1.0
+
+
+@dataclass(frozen=True)
+class OfAnotherType:
+    weight: float = "heavy"  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class NotFinite:
+    weights: tuple[float, ...] = (1.0, math.nan)
+
+
+@dataclass(frozen=True)
+class NoFactory:
+    names: tuple[str, ...] = field(default_factory=lambda: 1 / 0)  # type: ignore[arg-type, return-value]
+
+
+@dataclass(frozen=True)
+class Aliased:
+    weight: Annotated[float, Field(alias="mass")] = 1.0
+
+
+@dataclass(frozen=True)
+class OfTheLibrary:
+    model_config: int = 1
+
+
+@dataclass(frozen=True)
+class Hidden:
+    _weight: int = 1
+
+
+@dataclass(frozen=True)
+class NoBound:
+    weight: Annotated[float, Ge("a")] = 1.0
+
+
+@dataclass(frozen=True)
+class NoPattern:
+    word: Annotated[str, Field(pattern="(")] = "a"
+
+
 @pytest.mark.parametrize(
     ("parameters", "sentence"),
     [
+        (
+            OutOfBounds,
+            r"OutOfBounds: the default -1.0 of weight must be a number at least 0.0: change it, or the bound",
+        ),
+        (OfAnotherType, "OfAnotherType: the default 'heavy' of weight must be a number, not a text: change it"),
+        (NotFinite, r"NotFinite: the default \(1.0, nan\) of weights must be "),
+        (NoFactory, "NoFactory cannot be made into keys of a study file: .*division by zero"),
+        (Aliased, "field 'weight' of .*Aliased has an alias; a key of a study file has the field's own name"),
+        (OfTheLibrary, "field 'model_config' of .*OfTheLibrary cannot be a key of a study file"),
+        (Hidden, "field '_weight' of .*Hidden cannot be a key of a study file"),
+        (NoBound, "NoBound cannot be made into keys of a study file: TypeError: must be real number, not str"),
+        (NoPattern, "NoPattern cannot be made into keys of a study file: .*unclosed group"),
         (Thawed, "Thawed must be a frozen dataclass"),
         (int, "int must be a frozen dataclass"),
         (Odd, "Odd.place has type dict.* a study file holds bool, int, float"),
@@ -135,3 +200,17 @@ def test_a_class_that_cannot_be_a_table_is_refused_in_one_line(parameters: type,
     with pytest.raises(StudyError, match=sentence) as caught:
         model_of(parameters, Common)
     assert "\n" not in str(caught.value)
+
+
+@dataclass(frozen=True)
+class OftenTaken:
+    """Methods of the library's models are called so as well."""
+
+    copy: int = 1
+    json: int = 2
+    schema: int = 3
+
+
+def test_names_that_the_library_uses_too_are_taken_without_a_word(recwarn: pytest.WarningsRecorder) -> None:
+    assert made(OftenTaken, {"copy": 5, "json": 6, "schema": 7}) == OftenTaken(5, 6, 7)
+    assert list(recwarn) == []

@@ -6,6 +6,8 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -317,8 +319,106 @@ def test_code_inside_a_study_file_is_a_strangers_too(somewhere: Path, capsys: py
     assert not (somewhere / "ran").exists()
 
 
+def held(*sources: str, kind: str = "arbiter", name: str = "blend.py:Blend", files: tuple[str, ...] = ()) -> str:
+    """The tables of these sources, as a study's text has them."""
+    tables = ""
+    for source in sources:
+        named = files or (name.partition(":")[0],)
+        digest = hashlib.sha256(json.dumps(sorted([file, source] for file in named)).encode()).hexdigest()
+        tables += f'\n[[code]]\nkind = "{kind}"\nname = "{name}"\nsha256 = "{digest}"\n'
+        for file in named:
+            tables += f'[[code.files]]\nname = "{file}"\ntext = {json.dumps(source)}\n'
+    return tables
+
+
+def test_check_says_when_another_source_runs_than_the_file_beside_it(
+    somewhere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = write(somewhere, with_blend() + held(LEAVES_A_MARK), BLEND)
+    inside = (
+        f"arbiter blend.py:Blend from {len(LEAVES_A_MARK.encode())} bytes inside the study file, in its table [[code]]"
+    )
+    for trust, runs in ((), "would run"), (("--trust",), "runs"):
+        assert main(["check", str(study), *trust]) == 0
+        said = capsys.readouterr().out.splitlines()[1]
+        assert said.startswith(f"{runs} {inside}, not from blend.py beside it, which differs, SHA-256 ")
+    (somewhere / "blend.py").write_text(LEAVES_A_MARK, encoding="utf-8")
+    assert main(["check", str(study)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith(f"would run {inside}, SHA-256 ")
+
+
+@pytest.mark.parametrize(
+    ("tables", "place", "told"),
+    [
+        (held(BLEND, SECOND_EDITION), 'code[2].name = "blend.py:Blend"', "repeats entry 1; a part has one source"),
+        (
+            held(BLEND) + held(BLEND, name="other.py:Blend"),
+            'code[2].name = "other.py:Blend"',
+            "is the source of no arbiter that this study names; leave it out",
+        ),
+        (
+            held(BLEND, kind="robot"),
+            'code[1].kind = "robot"',
+            "not known; kinds: arbiter, inference, distractor",
+        ),
+        (held(BLEND, files=("blend.py", "more.py")), "code[1].files", "must be one file, called blend.py"),
+        (held(BLEND, files=("more.py",)), "code[1].files", "must be one file, called blend.py"),
+        (
+            f'\n[[code]]\nkind = "arbiter"\nname = "blend.py:Blend"\nsha256 = "{hashlib.sha256(b"[]").hexdigest()}"\n',
+            "code[1]",
+            "must be one file, called blend.py",
+        ),
+    ],
+    ids=["twice", "unused", "kind", "two files", "another file", "no file"],
+)
+@pytest.mark.parametrize("trust", [(), ("--trust",)])
+def test_a_source_that_is_not_what_it_seems_is_a_problem(
+    tables: str, place: str, told: str, trust: tuple[str, ...], somewhere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = write(somewhere, with_blend() + tables)
+    assert main(["check", str(study), *trust]) == 1
+    problems = capsys.readouterr().err.splitlines()[:-1]
+    begins = with_blend().count("\n") + 1
+    (mine,) = [line for line in problems if place in line]
+    assert mine.endswith(told), mine
+    assert int(mine.removeprefix(f"{study}:").partition(":")[0]) > begins
+
+
+def test_packages_in_a_strangers_folder_are_not_installed(site: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "stranger"
+    folder.mkdir()
+    for item in site.iterdir():
+        item.rename(folder / item.name)
+    (folder / "predict_then_act.py").write_text(LEAVES_A_MARK, encoding="utf-8")
+    study = write(folder, four_conditions("when_sure"), None)
+    command = [sys.executable, "-m", "app", "check", study.name]
+    told = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=folder, env=told, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert '"predict_then_act": not known; ' in done.stderr and done.stderr.endswith("1 problem\n")
+    assert not (folder / "ran").exists()
+
+
+RAISING = """
+from app.autonomy.interface import Arbiter
+
+
+class Odd(type(Arbiter)):
+    def __getattribute__(cls, name):
+        if name == "{name}":
+            raise {error}
+        return super().__getattribute__(name)
+
+
+class Blend(Arbiter, metaclass=Odd):
+    def decide(self, state, belief, user, feasible):
+        return (0, 0, 0)
+"""
+EXITS = BLEND + "\n    def __init__(self, parameters, models):\n        raise SystemExit('by\\ne')\n"
+TAKEN = BLEND.replace("share: Annotated", "condition: Annotated")
 WITHOUT_METHODS = "from app.autonomy.interface import Arbiter\nclass Blend(Arbiter): pass\n"
 NO_SUBCLASS = "class Blend:\n    def decide(self): pass\n"
+UNUSABLE = 'conditions[1].arbiter = "blend.py:Blend": its parameters cannot be used: '
 NAMED = "conditions[1].arbiter = \"blend.py:Blend\": arbiter 'blend.py:Blend' "
 
 
@@ -331,6 +431,13 @@ NAMED = "conditions[1].arbiter = \"blend.py:Blend\": arbiter 'blend.py:Blend' "
         ("import not_there", f"{NAMED}cannot be loaded: ModuleNotFoundError: No module named 'not_there'"),
         ("import sys; sys.exit(3)", f"{NAMED}cannot be loaded: SystemExit: 3"),
         ("Other = 1", f"{NAMED}cannot be loaded: blend.py has no Blend"),
+        (
+            RAISING.format(name="__abstractmethods__", error="SystemExit(3)"),
+            f"{NAMED}cannot be looked at: SystemExit: 3",
+        ),
+        (RAISING.format(name="Parameters", error="OSError('no\\nway')"), f"{UNUSABLE}OSError: no way"),
+        (EXITS, 'conditions[1].arbiter = "blend.py:Blend": arbiter Blend cannot be made: SystemExit: by e'),
+        (TAKEN, f"{UNUSABLE}field 'condition' of "),
         (None, f"{NAMED}cannot be read: No such file or directory"),
     ],
 )
@@ -405,6 +512,15 @@ def test_a_parameter_that_cannot_be_is_told_with_file_line_and_bound(
     assert problem.startswith(f"{study}:{line}: {told}"), problem
     assert count == f"{study}: 1 problem"
     assert main(["check", str(study)]) == 0, "nothing of it runs without --trust, so nothing is known of it"
+
+
+def test_one_wrong_name_is_one_problem(somewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before, only, rest = with_blend().replace("blend.py:Blend", "../evil.py:X").split("[[conditions]]\n")
+    study = write(somewhere, f"{before}[[conditions]]\n{only}[consent]{rest.partition('[consent]')[2]}")
+    assert main(["check", str(study)]) == 1
+    problem, count = capsys.readouterr().err.splitlines()
+    assert 'conditions[1].arbiter = "../evil.py:X": must be a name' in problem
+    assert count == f"{study}: 1 problem"
 
 
 def test_a_name_that_is_taken_is_an_error_wherever_it_is_looked_up(site: Path, tmp_path: Path) -> None:

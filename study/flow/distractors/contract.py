@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS, MAX_TEXT_CHARACTERS, Distractor, Stimulus, Words
+from study.parts.errors import one_line
 
 TRIED = 12
 """Stimuli that are tried out."""
@@ -17,8 +18,8 @@ def broken_promise(distractor: Distractor[Any]) -> str | None:
     """The first thing this distractor does wrong, in one line; None when it may be used."""
     try:
         return _words_problem(distractor.words) or _stimuli_problem(distractor)
-    except Exception as error:  # a distractor of somebody's own may raise whatever it likes
-        return f"raises {type(error).__name__}: {' '.join(str(error).split())}"
+    except (Exception, SystemExit) as error:  # a distractor of somebody's own may raise whatever it likes
+        return f"raises {type(error).__name__}: {one_line(error)}"
 
 
 def _words_problem(words: object) -> str | None:
