@@ -183,10 +183,7 @@ BROKEN = {
     ),
     "iterates over a set": (
         "another_process_hears_the_same",
-        arbiter(
-            "return next(iter([a for n in {'x', 'y', 'z', 'w'} if n == next(iter({'x', 'y', 'z', 'w'}))"
-            " for a in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))['wxyz'.index(n):] ]))"
-        ),
+        arbiter("self.memory = list({f'goal {n}' for n in range(30)})\nreturn user or STAY"),
         "answers differently in another process: iterate over no set",
     ),
     "reads the environment": (
