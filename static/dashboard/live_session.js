@@ -344,7 +344,7 @@ function toldByArbiter(tick) {
   return Object.entries(tick?.explanation ?? {})
     .filter(([name]) => !CHARTED.has(name))
     .map(([name, value]) => [
-      name.replaceAll("_", " "),
+      `Arbiter: ${name.replaceAll("_", " ")}`,
       typeof value === "number" ? String(Math.round(value * 1000) / 1000) : value,
     ]);
 }
