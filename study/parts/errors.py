@@ -23,5 +23,5 @@ def one_line(error: BaseException) -> str:
 def plain(text: str) -> str:
     """A text in one line, without what cannot be printed, shortened."""
     joined = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
-    shown = "".join(sign if sign.isprintable() else "\ufffd" for sign in joined)
+    shown = "".join(sign if sign.isprintable() else "?" for sign in joined)
     return shown if len(shown) <= MOST_CHARACTERS else shown[: MOST_CHARACTERS - 1] + "…"

@@ -19,10 +19,11 @@ import json
 import numpy as np
 from app.trial.robots import make_robot
 from sim.interface import run_tick, steady
-from sim.layouts import LAYOUTS, practice_scene
+from app.trial.world import shipped_layout
+from sim.layouts import practice_scene
 
 robot = make_robot("low_ceiling")
-robot.reset(practice_scene(LAYOUTS["arc"]))
+robot.reset(practice_scene(shipped_layout("arc")))
 for _ in range(5):
     run_tick(robot, steady((1.0, 0.0, 0.0), 0.04))  # near its base the arm cannot be raised that far
 told = []

@@ -111,7 +111,7 @@ class Unspeakable(Exception):
         (ValueError("two\n\t lines"), "two lines"),
         (ValueError("a\x07b\ud800c"), "a?b?c"),
         (ValueError("x" * 301), "x" * 299 + "…"),
-        (Unspeakable(), "(its text raises SystemExit)"),
+        (Unspeakable(), "an error that cannot be told (SystemExit)"),
     ],
 )
 def test_whatever_an_error_says_is_one_line(error: Exception, told: str) -> None:
