@@ -137,6 +137,8 @@ class BulletRobot:
         Raises `SimError` before the first `reset`, and for a command outside its bounds (`sim.ik.check_command`).
         """
         self._world()
+        if command.speed_m_s > 0.0 and any(any(segment.direction) for segment in command.segments):
+            self._begin_where_it_is()
         verdict = ik.executable(self._target, command)
         moving = command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed)
         # Reversed, so that the next waypoint is the cheap one to take.
@@ -151,6 +153,14 @@ class BulletRobot:
             self._drive_fingers()
         return verdict
 
+    def _begin_where_it_is(self) -> None:
+        """An arm that is pressed against something has not come to where it was told to be.
+
+        A motion begins where the arm is: else every way out would first have to make up for what is missing.
+        """
+        if math.dist(self._gripper_world_m, self._target) > LAG_M and not ik.solve(self._gripper_world_m)[1]:
+            self._target = self._gripper_world_m
+
     def advance(self, slices: int = 1) -> None:
         """Advance by so many slices. Raises `SimError` before the first `reset`."""
         client = self._world()
@@ -164,12 +174,13 @@ class BulletRobot:
         before = self._target
         after = self._path.pop() if self._path else before
         lag_m = math.dist(self._gripper_world_m, before)
-        if after is not before and lag_m > LAG_M and math.dist(self._gripper_world_m, after) >= lag_m:
+        # By value: standing still for the planning delay makes waypoints that are equal, and stops no way out.
+        if after != before and lag_m > LAG_M and math.dist(self._gripper_world_m, after) >= lag_m:
             self._lagging = True
             self._path.clear()
             after = before
         for part in range(1, TARGETS_PER_SLICE + 1):
-            if after is not before:
+            if after != before:
                 share = part / TARGETS_PER_SLICE
                 self._target = (
                     before[0] + share * (after[0] - before[0]),
