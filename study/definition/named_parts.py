@@ -167,8 +167,8 @@ def _taken(
     try:
         # What is installed matters only to who names it: a broken package is in nobody else's way.
         if code is None and not is_file(name) and name not in registry.shipped and name not in registry.names:
-            hint = ", or your own as file.py:Class in a file beside this one" if kind != "distractor" else ""
-            yield Problem((*place, key), choices_sentence(name, registry.names, f"{kind}s") + hint)
+            hint = "or your own as file.py:Class in a file beside this one"
+            yield Problem((*place, key), f"{choices_sentence(name, registry.names, f'{kind}s')}, {hint}")
             return
         if not shelf.may_run(code):
             return
