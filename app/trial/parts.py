@@ -107,36 +107,30 @@ def make_distractor(settings: DistractorSettings, codes: Sequence[Code] = (), tr
 
 def _make(part: Named, given: Models | DistractorSettings) -> Any:
     loaded = shelf(trust=True).load(part.kind, part.name, part.code)
+    return _made(f"{part.kind} {part.name!r}", loaded, part.parameters, given)
+
+
+def _made(called: str, loaded: Any, table: Mapping[str, Any], given: Models | DistractorSettings) -> Any:
     try:
-        return loaded(made(loaded.Parameters, part.parameters), given)
+        return loaded(made(loaded.Parameters, table), given)
     except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
-        text = f"{type(error).__name__}: {one_line(error)}"
-        raise PartError(f"{part.kind} {part.name!r} cannot be made: {text}") from error
+        raise PartError(f"{called} cannot be made: {type(error).__name__}: {one_line(error)}") from error
 
 
 # ---- tried out while a study file is read -------------------------------------------------------------------------
 
 
-def _tried(name: str, loaded: Any, make: Callable[[], Any]) -> str | None:
-    try:
-        make()
-    except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
-        return f"{name} {loaded.__name__} cannot be made: {type(error).__name__}: {one_line(error)}"
-    return None
-
-
 def _try_with_models(kind: str) -> Callable[[Any, Mapping[str, Any]], str | None]:
     def tried(loaded: Any, table: Mapping[str, Any]) -> str | None:
-        return _tried(kind, loaded, lambda: loaded(made(loaded.Parameters, table), Models()))
+        _made(f"{kind} {loaded.__name__}", loaded, table, Models())
+        return None
 
     return tried
 
 
 def _try_distractor(loaded: Any, table: Mapping[str, Any]) -> str | None:
     settings = DistractorSettings.model_validate(table)
-    distractor: list[Any] = []
-    problem = _tried("distractor", loaded, lambda: distractor.append(loaded(made(loaded.Parameters, table), settings)))
-    return problem or broken_promise(distractor[0])
+    return broken_promise(_made(f"distractor {loaded.__name__}", loaded, table, settings))
 
 
 _TRIALS: Mapping[str, Callable[[Any, Mapping[str, Any]], str | None]] = {

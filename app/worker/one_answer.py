@@ -15,7 +15,7 @@ from app.trial.parts import make_arbiter
 from study.parts.errors import PartError, one_line
 from study.parts.shelf import Named
 
-ANSWER_WITHIN_S = 10.0
+REPLY_WITHIN_S = 10.0
 """With the start of the process; the answer itself is limited as in a trial."""
 
 Question = tuple[Named, Models, State, tuple[float, ...], Direction | None]
@@ -32,7 +32,7 @@ def one_answer(context: ForkServerContext, question: Question) -> int:
     said: object = "gave no answer"
     with ours:
         try:
-            if ours.poll(ANSWER_WITHIN_S):
+            if ours.poll(REPLY_WITHIN_S):
                 said = ours.recv()
         except EOFError:
             said = "ended the process that it runs in"

@@ -30,8 +30,8 @@ class Named:
 class Shelf:
     """The registries by kind.
 
-    `trust`: whether code from files beside a study file may run. `trials` tell, by kind, what is wrong with a class
-    that is to be made with what a table says, in one line.
+    `trust`: whether code from files beside a study file may run. `trials` tell, by kind, in one line what is wrong with
+    what a class makes of a table; they raise `PartError` where it makes nothing.
     """
 
     registries: Mapping[str, Registry]
@@ -62,27 +62,24 @@ class Shelf:
             return registry.load(name)
         if not self.may_run(code):
             raise PartError(f"{kind} {name!r} is code from a file beside the study file; it runs only with --trust")
-        return _loaded(code.kind, code.name, code.sha256, _Held(code, registry))
+        return _loaded(_Source(code.kind, code.name, code.sha256, code, registry))
 
 
 @dataclass(frozen=True)
-class _Held:
-    """What is loaded, kept out of the comparison: kind, name and hash say which it is."""
+class _Source:
+    """A source and where it is loaded: kind, name and hash say which it is."""
 
-    code: Code
-    registry: Registry
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held)
-
-    def __hash__(self) -> int:
-        return 0
+    kind: str
+    name: str
+    sha256: str
+    code: Code = field(compare=False)
+    registry: Registry = field(compare=False)
 
 
 @lru_cache(maxsize=64)
-def _loaded(kind: str, name: str, sha256: str, held: _Held) -> Any:
+def _loaded(source: _Source) -> Any:
     """Once a process: every trial asks again, and a package's source takes a while to read."""
-    return load(held.code, held.registry)
+    return load(source.code, source.registry)
 
 
 def code_among(codes: Iterable[Code], kind: str, name: str) -> Code | None:
