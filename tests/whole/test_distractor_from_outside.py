@@ -63,6 +63,23 @@ def judged(kind: str, export: Path) -> list[dict[str, str]]:
     return rows
 
 
+def test_one_for_a_single_study_stands_in_a_file_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(DISTRACTOR, encoding="utf-8")
+    study = write_study(tmp_path, {READINGS: KINDS["sums"].replace('"sums"', '"own.py:Sums"')})
+    checked = salab({}, "check", str(study))
+    assert checked.returncode == 0, checked.stderr
+    assert "own.py:Sums" in checked.stdout
+    out = tmp_path / "out"
+    simulate = ("simulate", "--study", str(study), "--participants", "1", "--out", str(out))
+    refused = salab({}, *simulate)
+    assert refused.returncode != 0 and "--trust" in refused.stderr and not out.exists()
+    done = salab({}, *simulate, "--trust")
+    assert done.returncode == 0, done.stderr
+    assert [row for row in judged("sums", out) if row["status"] == "answered"]
+    (text,) = (path.read_text(encoding="utf-8") for path in out.glob("**/*.toml"))
+    assert 'name = "own.py:Sums"' in text and "class Sums" in text
+
+
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_simulated_people_answer_it_and_the_analysis_counts_it(
     kind: str, environment: dict[str, str], tmp_path: Path
