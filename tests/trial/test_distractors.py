@@ -66,8 +66,8 @@ def test_a_study_may_name_n_back_with_its_own_fields() -> None:
         (
             with_kind("nbakc"),
             'distractor.kind = "nbakc"',
-            "not known; did you mean 'nback'? distractors: readings, nback, or your own as file.py:Class in a file beside "
-            "this one",
+            "not known; did you mean 'nback'? distractors: readings, nback, or your own as file.py:Class in a file "
+            "beside this one",
         ),
         (
             with_kind("nback", "digits = 4\n"),
