@@ -124,8 +124,7 @@ confidence = 0.6
 
 """
 _BEHIND_THE_CONDITIONS = "[arbiter]\n"
-_FOUR_ROUNDS = {
-    "three rounds": "four rounds",
+_WHAT_DIFFERS = {
     "about what you want. We study": "about what you want. In one round it went straight to what you most likely "
     "wanted, once it was sure enough. We study",
 }
@@ -142,7 +141,7 @@ def with_condition(study: str, name: str) -> str:
     """The text of a study of three conditions, with the new arbiter as its fourth."""
     before, found, after = study.partition(f"\n{_BEHIND_THE_CONDITIONS}")
     assert found, "the shipped study has a table [arbiter] behind its conditions"
-    for old, new in _FOUR_ROUNDS.items():
+    for old, new in _WHAT_DIFFERS.items():
         assert old in after, f"the shipped study says {old!r}"
         after = after.replace(old, new)
     return f"{before}\n{_filled(_CONDITION, name)}{_BEHIND_THE_CONDITIONS}{after}"

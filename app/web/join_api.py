@@ -17,6 +17,7 @@ from app.web.access import ErrorReply, TheLab, refusals
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
 from app.web.participant_socket import same_origin
 from study.definition.link_placeholders import filled
+from study.flow.facts import as_read
 
 JOINS_A_MINUTE = 60
 """From one address: a whole class behind one router can begin together, a script that makes up ids cannot go on."""
@@ -53,7 +54,7 @@ class JoinReply(BaseModel):
 def reply_to(lab: Lab, offer: Offer) -> JoinReply:
     """An offer in the study's words."""
     study = lab.setup.study
-    rules = study.recruitment
+    rules = as_read(study).recruitment
     words: Mapping[str, tuple[str, ...]] = {
         "enrol": rules.welcome,
         "back": rules.welcome,

@@ -53,6 +53,7 @@ from study.definition.sections import (
     RobotSettings,
     Texts,
 )
+from study.definition.text_placeholders import text_problems
 from study.definition.toml_reader import (
     FieldPath,
     FileBeside,
@@ -326,8 +327,9 @@ def parse_study(
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
     wrong = [*reserved, *model_problems(Study, data), *cross_problems(data, world, shelf)]
-    if shelf is not None:
+    if shelf is not None:  # a file, not what was stored of one
         wrong += part_problems(data, shelf, told)
+        wrong += text_problems(data)
     if wrong:
         raise report(name, text, data, wrong, beside)
     return Study.model_validate(

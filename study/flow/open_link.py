@@ -15,7 +15,14 @@ from study.flow.protocol import State
 
 MAX_ID_CHARACTERS = 100
 _ID = re.compile(rf"[A-Za-z0-9._~@-]{{1,{MAX_ID_CHARACTERS}}}\Z")
-"""What needs no escaping in an address. The placeholders of a service that filled in nothing are no ids."""
+"""What needs no escaping in an address."""
+_WORDS = re.compile(
+    r"(your|my|insert|enter|put|the)*(prolific|participant|worker|user|student|subject|person|respondent|study|session"
+    r"|survey|assignment|hit|mail|panel)?(id|pid|code|number|name|token)(here)?|assignmentidnotavailable"
+    r"|undefined|null|none|nan|example|placeholder|x{3,}"
+)
+"""What stands for an id where nothing was filled in, in small letters without anything between the words: in the lab's
+own link, in mail merges, in a service's preview, and what a script makes of an id that it does not have."""
 BEFORE_CONSENT: frozenset[State] = frozenset({"eligibility", "consent"})
 """States in which nothing is known of somebody that could be told to another who has their id."""
 
@@ -32,9 +39,14 @@ def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[di
     """
     ids, wrong = {}, []
     for name in rules.id_parameters:
-        values = [value for value in given.get(name, ()) if value]
+        values = [value.strip() for value in given.get(name, ()) if value.strip()]
         if len(values) > 1:
             wrong.append(f"{name} stands {len(values)} times in the link.")
+        elif values and is_placeholder(name, values[0]):
+            wrong.append(
+                f"{name} is still a placeholder: each person's own id belongs there, and whoever gave out the link did "
+                "not put it in."
+            )
         elif values and not _ID.match(values[0]):
             wrong.append(
                 f"{name} is not filled in as it should be: at most {MAX_ID_CHARACTERS} letters, digits, and . _ ~ @ -"
@@ -44,6 +56,17 @@ def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[di
         elif name == rules.person:
             wrong.append(f"{name} is missing in the link.")
     return ids, tuple(wrong)
+
+
+def is_placeholder(name: str, value: str) -> bool:
+    """Whether a value says where the id of this parameter belongs, and is none: `ID`, `{{%PROLIFIC_PID%}}`,
+    `${workerId}`, `[mail_code]`, `mail_code` and their like, whichever marks the service puts around it."""
+    if re.search(r"[{}<>\[\]%$|*]|\A@.*@\Z", value):
+        return True
+    plain, parameter = (re.sub(r"[^a-z0-9]", "", text.lower()) for text in (value, name))
+    if not plain:
+        return _ID.match(value) is not None
+    return plain == parameter or _WORDS.fullmatch(plain) is not None
 
 
 def ids_among(identities: Iterable[tuple[str, str]]) -> dict[str, str]:

@@ -12,6 +12,7 @@ import pytest
 
 from app.__main__ import main
 from app.trial.world import open_study
+from study.flow.facts import as_read
 from tests.support.lab_server import ROOT
 from tests.support.study_samples import shipped_study
 
@@ -43,7 +44,8 @@ def test_it_writes_an_arbiter_its_test_and_a_study_with_it(capsys: pytest.Captur
     changed = {"title", "conditions", "consent", "instructions", "texts"}
     assert study.model_dump(exclude=changed | {"code"}) == shipped.model_dump(exclude=changed | {"code"})
     text = Path("slow_blend.toml").read_text(encoding="utf-8")
-    assert "three rounds" not in text
+    assert "it went straight to what you most likely wanted" in text
+    assert "There are 4 rounds with short breaks" in " ".join(as_read(study).instructions.text)
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from urllib.parse import parse_qs, urlsplit
+
 import pytest
 
 from study.definition.link_placeholders import filled
@@ -25,7 +27,7 @@ def test_only_the_persons_id_must_be_there() -> None:
     assert read_ids(RULES, {})[1] == ("PROLIFIC_PID is missing in the link.",)
 
 
-NO_IDS = ["{{%PROLIFIC_PID%}}", "a b", "<b>", "x" * 101, "a\n", "ä", "\ud800", "a&b=c", "%41", "null\0"]
+NO_IDS = ["a b", "b;", "7" * 101, "a\nb", "ä", "\ud800", "a&b=c", "41/", "abc\0"]
 
 
 @pytest.mark.parametrize("value", NO_IDS, ids=range(len(NO_IDS)))
@@ -35,6 +37,68 @@ def test_what_is_no_id_is_said(value: str) -> None:
     assert len(wrong) == 1
     assert wrong[0].startswith("PROLIFIC_PID is not filled in as it should be")
     assert value not in wrong[0]
+
+
+PLACEHOLDERS = [
+    *(
+        "ID",
+        "id",
+        "[ID]",
+        "<ID>",
+        "YOUR_ID",
+        "your-id-here",
+        "xxx",
+        "XXXXXXXX",
+        "___",
+        "undefined",
+        "null",
+        "None",
+        "NaN",
+    ),
+    *(
+        "{{%PROLIFIC_PID%}}",
+        "{PROLIFIC_PID}",
+        "PROLIFIC_PID",
+        "%SURVEY_CODE%",
+        "${workerId}",
+        "workerId",
+        "[%mail_code%]",
+    ),
+    *(
+        "mail_code",
+        "MAIL-CODE",
+        "*|MAIL_CODE|*",
+        "${e://Field/PROLIFIC_PID}",
+        "ASSIGNMENT_ID_NOT_AVAILABLE",
+        "@@code@@",
+    ),
+]
+
+
+@pytest.mark.parametrize("value", PLACEHOLDERS)
+def test_what_stands_where_an_id_belongs_is_no_id(value: str) -> None:
+    rules = Recruitment(open=True, quota=2, id_parameters=("mail_code",), person="mail_code")
+    ids, wrong = read_ids(rules, {"mail_code": [value]})
+    assert ids == {}
+    assert len(wrong) == 1
+    assert wrong[0].startswith("mail_code is still a placeholder: each person's own id belongs there")
+
+
+@pytest.mark.parametrize("given", ["ab12 ", " ab12", "ab12\n", "\tab12\u00a0", "ab12\u2003"])
+def test_blanks_around_an_id_are_not_part_of_it(given: str) -> None:
+    assert read_ids(RULES, {"PROLIFIC_PID": [given], "STUDY_ID": ["  "]}) == ({"PROLIFIC_PID": "ab12"}, ())
+
+
+@pytest.mark.parametrize("value", ["MY", "seat7", "ids", "person-12", "anna@uni.example", "5f3c9a1b2d4e", "Nan1", "xx"])
+def test_ids_that_only_look_like_a_word_are_ids(value: str) -> None:
+    assert read_ids(RULES, {"PROLIFIC_PID": [value]}) == ({"PROLIFIC_PID": value}, ())
+
+
+@pytest.mark.parametrize("parameters", [("mail_code",), ("PROLIFIC_PID", "STUDY_ID"), ("survey_code",), ("id",)])
+def test_the_link_to_give_out_opens_nothing_before_its_ids_are_filled_in(parameters: tuple[str, ...]) -> None:
+    rules = Recruitment(open=True, quota=2, id_parameters=parameters, person=parameters[0])
+    given = parse_qs(urlsplit(open_link("https://lab.example", rules)).query)
+    assert read_ids(rules, given)[0] == {}
 
 
 def test_an_id_given_twice_in_one_link_is_neither() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from study.definition.builtin_questionnaires import INSTRUMENTS
+from study.flow.facts import as_read
 from study.flow.flow import FLOW
 from study.flow.page import Outcome, Refused, StepContext, parse
 from study.flow.protocol import Event, EventName
@@ -46,7 +47,7 @@ def fields(refused: Refused) -> list[str | None]:
     ("step", "data", "event"),
     [
         ("eligibility", {}, "eligible"),
-        ("consent", {"accepted": True, "hash": STUDY.consent.hash}, "consent_given"),
+        ("consent", {"accepted": True, "hash": as_read(STUDY).consent.hash}, "consent_given"),
         ("decline", {}, "consent_declined"),
         ("demographics", {"answers": DEMOGRAPHICS}, "demographics_done"),
         ("setup", SETUP, "setup_done"),
@@ -85,7 +86,10 @@ def test_every_step_but_help_and_leave_is_tried_above() -> None:
 
 
 def test_consent_names_the_text_agreed_to() -> None:
-    assert take("consent", {"accepted": True, "hash": STUDY.consent.hash}).consent_hash == STUDY.consent.hash
+    assert (
+        take("consent", {"accepted": True, "hash": as_read(STUDY).consent.hash}).consent_hash
+        == as_read(STUDY).consent.hash
+    )
     assert take("decline", {}).consent_hash is None
 
 
@@ -129,11 +133,11 @@ UNASKED = {"extra": 1}
 @pytest.mark.parametrize(
     ("step", "data", "field"),
     [
-        ("consent", {"hash": STUDY.consent.hash}, "data.accepted"),
-        ("consent", {"accepted": False, "hash": STUDY.consent.hash}, "data.accepted"),
+        ("consent", {"hash": as_read(STUDY).consent.hash}, "data.accepted"),
+        ("consent", {"accepted": False, "hash": as_read(STUDY).consent.hash}, "data.accepted"),
         ("consent", {"accepted": True}, "data.hash"),
         ("consent", {"accepted": True, "hash": "0" * 64}, "data.hash"),
-        ("consent", {"accepted": True, "hash": STUDY.consent.hash, **UNASKED}, "data.extra"),
+        ("consent", {"accepted": True, "hash": as_read(STUDY).consent.hash, **UNASKED}, "data.extra"),
         ("decline", UNASKED, "data.extra"),
         ("demographics", {}, "data.answers"),
         ("demographics", {"answers": ["x"]}, "data.answers"),

@@ -21,6 +21,7 @@ from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.flow.answers import validate_surveys
 from study.flow.distractors.state import from_rows
+from study.flow.facts import as_read
 from study.records import TABLES, TickRow
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
@@ -50,7 +51,7 @@ def test_it_goes_from_consent_to_thanks_and_leaves_every_table() -> None:
     record = whole()
     person = record["participants"][0]
     assert (person.state, person.condition_order) == ("done", ">".join(ORDER))
-    assert person.consent_hash == setup().study.consent.hash
+    assert person.consent_hash == as_read(setup().study).consent.hash
     assert [row.outcome for row in record["trials"]] == ["completed"] * 3
     assert [row.condition for row in record["trials"]] == list(ORDER)
     assert [(row.trial, row.task) for row in record["tasks"]] == [(t, k) for t in (1, 2, 3) for k in (1, 2, 3, 4)]

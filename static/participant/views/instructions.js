@@ -8,6 +8,17 @@ import { keptQuestions, questionForm } from "../forms.js";
 /** @import { Context, PageOf, View } from "../view.js" */
 
 /**
+ * How many questions there are, in words; a study may ask any number, or none.
+ *
+ * @param {number} count at least 1
+ * @returns {string}
+ */
+const howMany = (count) =>
+  count === 1
+    ? "One short question. You can try as often as you need."
+    : `${count} short questions. You can try as often as you need.`;
+
+/**
  * @param {Context} context
  * @param {PageOf<{ text: string[], questions: Asked[] }>} page
  * @returns {View}
@@ -19,31 +30,28 @@ export function view({ socket, session }, page) {
   const { form, close } = questionForm({
     socket,
     questions,
-    submitText: "Check my answers and continue",
+    submitText: items.length > 0 ? "Check my answers and continue" : "Continue",
     step: "instructions",
     key,
     testid: "instructions-submit",
   });
+  const lines = h(
+    "ol",
+    { class: "prose steps" },
+    text.map((line) => h("li", {}, line)),
+  );
+  const asked = h(
+    "div",
+    { class: "panel", data: { testid: "instructions-questions" } },
+    h("h2", {}, "Did we explain it well?"),
+    h("p", {}, howMany(items.length)),
+    form,
+  );
   const element = card({
     title: "What you will do",
     testid: "page-instructions",
-    wide: true,
-    body: h(
-      "div",
-      { class: "two-columns" },
-      h(
-        "ol",
-        { class: "prose steps" },
-        text.map((line) => h("li", {}, line)),
-      ),
-      h(
-        "div",
-        { class: "panel" },
-        h("h2", {}, "Did we explain it well?"),
-        h("p", {}, "Three short questions. You can try as often as you need."),
-        form,
-      ),
-    ),
+    wide: items.length > 0,
+    body: items.length > 0 ? h("div", { class: "two-columns" }, lines, asked) : [lines, form],
   });
   return { element, close };
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from study.flow.facts import as_read
 from study.flow.page import (
     Content,
     FlowPage,
@@ -31,7 +32,7 @@ class ConsentData(StepData):
 
 def content(session: Session, context: PageContext) -> Content:
     """The text and its hash."""
-    study = context.study
+    study = as_read(context.study)
     return {
         "title": study.title,
         "text": list(study.consent.text),
@@ -46,7 +47,7 @@ def scripted(content: Content, person: Person) -> HandedIn:
 
 
 def _agree(context: StepContext, given: ConsentData) -> Outcome:
-    if given.hash != context.study.consent.hash:
+    if given.hash != as_read(context.study).consent.hash:
         raise Refused("invalid", ("data.hash", "the consent text has changed since it was shown; please read it again"))
     return Outcome(Event("consent_given"), consent_hash=given.hash)
 

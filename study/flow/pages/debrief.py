@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.flow.answers import answer_rows, validate_debrief
+from study.flow.facts import as_read
 from study.flow.page import (
     AnswersData,
     Content,
@@ -20,7 +21,7 @@ from study.flow.protocol import Event, Session
 
 def content(session: Session, context: PageContext) -> Content:
     """The study's words and questions."""
-    texts = context.study.texts
+    texts = as_read(context.study).texts
     return {
         "text": list(texts.debrief),
         "questions": [question.model_dump() for question in texts.debrief_questions],

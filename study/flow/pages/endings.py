@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.definition.link_placeholders import filled
+from study.flow.facts import as_read
 from study.flow.page import Content, FlowPage, PageContext
 from study.flow.protocol import Session
 
@@ -12,23 +13,23 @@ VIEW = "end"
 def done_content(session: Session, context: PageContext) -> Content:
     """Thanks, and the way back to where people came from."""
     link = filled(context.study.recruitment.completion_link, context.ids)
-    return {"text": list(context.study.texts.thanks), "completion_link": link}
+    return {"text": list(as_read(context.study).texts.thanks), "completion_link": link}
 
 
 def screened_out_content(session: Session, context: PageContext) -> Content:
     """Why it ends here, and the way back to where people came from."""
     link = filled(context.study.recruitment.screened_out_link, context.ids)
-    return {"text": list(context.study.texts.screened_out), "completion_link": link}
+    return {"text": list(as_read(context.study).texts.screened_out), "completion_link": link}
 
 
 def withdrawn_content(session: Session, context: PageContext) -> Content:
     """They stopped."""
-    return {"text": list(context.study.texts.withdrawn), "completion_link": None}
+    return {"text": list(as_read(context.study).texts.withdrawn), "completion_link": None}
 
 
 def aborted_content(session: Session, context: PageContext) -> Content:
     """They were stopped."""
-    return {"text": list(context.study.texts.aborted), "completion_link": None}
+    return {"text": list(as_read(context.study).texts.aborted), "completion_link": None}
 
 
 DONE = FlowPage(state="done", content=done_content, view=VIEW)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study.flow.answers import answer_rows, validate_comprehension
+from study.flow.facts import as_read
 from study.flow.page import (
     AnswersData,
     Content,
@@ -20,7 +21,7 @@ from study.flow.protocol import Event, Session
 
 def content(session: Session, context: PageContext) -> Content:
     """The text and the questions, without their right answers."""
-    instructions = context.study.instructions
+    instructions = as_read(context.study).instructions
     return {
         "text": list(instructions.text),
         "questions": [question.model_dump(exclude={"correct"}) for question in instructions.questions],

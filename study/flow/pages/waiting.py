@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from study.flow.facts import as_read
 from study.flow.page import Content, FlowPage, HandedIn, PageContext, Person, button
 from study.flow.pages import driving
 from study.flow.protocol import CLEARS, PAUSED, Session
@@ -9,7 +10,7 @@ from study.flow.protocol import CLEARS, PAUSED, Session
 
 def break_content(session: Session, context: PageContext) -> Content:
     """The study's words, and which round comes next."""
-    return {"text": list(context.study.texts.between_trials), "next_trial": session.trial + 1}
+    return {"text": list(as_read(context.study).texts.between_trials), "next_trial": session.trial + 1}
 
 
 def go_on(content: Content, person: Person) -> HandedIn:
