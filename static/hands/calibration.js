@@ -1,11 +1,11 @@
 // "Press what the page asks": finds the pad that was touched, waits for it to rest, and learns one control after another.
 
 import { h, icon, setText } from "../common/dom.js";
-import { ACTIONS, Calibration, DEAD_ZONE, LABELS, snapshot } from "./mapping.js";
+import { ACTIONS, Calibration, DEAD_ZONE, LABELS, OPTIONAL, snapshot } from "./mapping.js";
 
 /** @import { Pads, remembered } from "./gamepad.js" */
 /** @import { Pad } from "./input.js" */
-/** @import { Action } from "./mapping.js" */
+/** @import { Action, Mapping } from "./mapping.js" */
 
 /** @type {Record<Action, string>} */
 const WAYS = {
@@ -17,6 +17,7 @@ const WAYS = {
   down: "The control for down",
   close: "The button that closes the gripper",
   open: "The button that opens the gripper",
+  view: "A button that switches the view",
 };
 
 /**
@@ -30,7 +31,7 @@ export function calibrate({ pads, known, onDone }) {
   const hint = h("p", { class: "hint" });
   const warnText = h("span", {});
   const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), warnText);
-  const items = ACTIONS.map((action) => {
+  const items = [...ACTIONS, ...OPTIONAL].map((action) => {
     const mark = h("span", { class: "mark", "aria-hidden": "true" });
     return { action, mark, element: h("li", { data: { action } }, mark, h("span", {}, LABELS[action])) };
   });
@@ -45,10 +46,20 @@ export function calibrate({ pads, known, onDone }) {
     icon("reset"),
     "Start over",
   );
+  const skip = h(
+    "button",
+    { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-skip" } },
+    "Go on without it",
+  );
   const element = h(
     "div",
     { class: "calibration", data: { testid: "calibration", step: "wake" } },
-    h("div", { class: "calibration-ask" }, icon("gamepad"), h("div", {}, title, hint, warn, restart)),
+    h(
+      "div",
+      { class: "calibration-ask" },
+      icon("gamepad"),
+      h("div", {}, title, hint, warn, h("div", { class: "actions" }, skip, restart)),
+    ),
     list,
   );
   // Waiting for a touch: no pad. Waiting for it to rest: a pad. Learning: both.
@@ -61,6 +72,7 @@ export function calibrate({ pads, known, onDone }) {
     const asked = learning?.step ?? null;
     element.dataset.step = padId === null ? "wake" : learning === null ? "rest" : (asked ?? "done");
     restart.hidden = learning === null;
+    skip.hidden = !learning?.isOptional;
     if (padId === null) {
       setText(title, "Press any button on your gamepad");
       setText(
@@ -74,7 +86,12 @@ export function calibrate({ pads, known, onDone }) {
       setText(hint, padId);
     } else {
       setText(title, learning.holding || asked === null ? "Good, now let go" : `${WAYS[asked]}, then let go`);
-      setText(hint, "Use the stick, cross or button you would like to use for it.");
+      setText(
+        hint,
+        learning.isOptional
+          ? "If you like: you can also switch it with the keyboard or the mouse."
+          : "Use the stick, cross or button you would like to use for it.",
+      );
     }
     warn.hidden = !learning?.message;
     setText(warnText, learning?.message ?? "");
@@ -112,16 +129,26 @@ export function calibrate({ pads, known, onDone }) {
       return;
     }
     const changed = learning.feed(state);
-    if (learning.learned) {
-      close();
-      onDone({ padId, mapping: learning.learned, deadZone: DEAD_ZONE.default });
-    } else if (changed) draw();
+    if (learning.learned) finish(learning.learned);
+    else if (changed) draw();
+  }
+
+  /** @param {Mapping} mapping */
+  function finish(mapping) {
+    if (padId === null) return;
+    close();
+    onDone({ padId, mapping, deadZone: DEAD_ZONE.default });
   }
 
   const onPads = () => draw();
   restart.addEventListener("click", () => {
     learning = null;
     draw();
+  });
+  skip.addEventListener("click", () => {
+    learning?.skip();
+    if (learning?.learned) finish(learning.learned);
+    else draw();
   });
   pads.addEventListener("poll", poll);
   pads.addEventListener("pads", onPads);

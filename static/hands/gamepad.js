@@ -39,7 +39,7 @@ export function remember(padId, mapping, deadZone) {
 }
 
 /**
- * Emits "hands" on change, "gripper" once a press, "pads" when pads come or go, and "poll" at display rate.
+ * Emits "hands" on change, "gripper" and "view" once a press, "pads" when pads come or go, and "poll" at display rate.
  *
  * @extends {Emitter<HandsEvents & { pads: null, poll: null }>}
  */
@@ -136,6 +136,7 @@ export class Pads extends Emitter {
     for (const gripper of /** @type {const} */ (["close", "open"])) {
       if (on.has(gripper) && !before.has(gripper)) this.emit("gripper", gripper);
     }
+    if (on.has("view") && !before.has("view")) this.emit("view");
     if ([...on].sort().join() !== [...before].sort().join()) this.emit("hands");
   }
 }

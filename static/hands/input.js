@@ -25,9 +25,10 @@ function sameDirection(a, b) {
 }
 
 /**
- * Emits "hands" for indicators, "gripper" for each press, "device" when the pad in use comes or goes.
+ * Emits "hands" for indicators, "gripper" and "view" (switch it) for each press, "device" when the
+ * pad in use comes or goes.
  *
- * @extends {Emitter<{ hands: Hands, gripper: GripperPress, device: { device: Device, there: boolean } }>}
+ * @extends {Emitter<{ hands: Hands, gripper: GripperPress, view: null, device: { device: Device, there: boolean } }>}
  */
 export class Input extends Emitter {
   /** @param {{ socket: LabSocket, keyboard: Keyboard, pads: Pads, session: string }} wiring */
@@ -50,6 +51,7 @@ export class Input extends Emitter {
     for (const device of /** @type {Emitter<HandsEvents>[]} */ ([keyboard, pads])) {
       device.addEventListener("hands", () => this._changed());
       device.addEventListener("gripper", (event) => this._gripper(event.detail));
+      device.addEventListener("view", () => this.emit("view"));
     }
     pads.addEventListener("pads", () => this._padsChanged());
     socket.addEventListener("welcome", (event) => this._welcome(event.detail));

@@ -7,7 +7,7 @@ import { lasting } from "../common/store.js";
 /** @import { Direction } from "./mapping.js" */
 /** @typedef {NonNullable<Input["gripper"]>} GripperPress */
 /** @typedef {{ device: "gamepad" | "keyboard", pad_id: string | null }} ChosenDevice */
-/** @typedef {{ hands: null, gripper: GripperPress }} HandsEvents what every device emits */
+/** @typedef {{ hands: null, gripper: GripperPress, view: null }} HandsEvents what every device emits */
 
 /** @type {Record<string, [axis: number, sign: number]>} */
 const AXES = {
@@ -26,6 +26,7 @@ const AXES = {
   KeyQ: [2, -1],
   PageDown: [2, -1],
 };
+const SWITCH_VIEW = "KeyV";
 /** @type {Record<string, GripperPress>} */
 const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "open", KeyO: "open" };
 
@@ -39,6 +40,7 @@ export const LEGEND = [
   ["Left, right", ["A", "D"], ["←", "→"]],
   ["Up, down", ["R", "F"], ["PgUp", "PgDn"]],
   ["Grip, let go", ["C", "O"], ["Space", "Enter"]],
+  ["Switch the view", ["V"], []],
 ];
 
 /** @param {EventTarget | null} target */
@@ -52,7 +54,7 @@ function isButton(target) {
 }
 
 /**
- * Emits "hands" on every change of direction and "gripper" once a press.
+ * Emits "hands" on every change of direction, "gripper" and "view" once a press.
  *
  * @extends {Emitter<HandsEvents>}
  */
@@ -108,6 +110,11 @@ export class Keyboard extends Emitter {
       if (isButton(event.target) && !event.code.startsWith("Key")) return; // Space and Enter press that button
       event.preventDefault();
       if (!event.repeat) this.emit("gripper", gripper);
+      return;
+    }
+    if (event.code === SWITCH_VIEW) {
+      event.preventDefault();
+      if (!event.repeat) this.emit("view");
       return;
     }
     if (!(event.code in AXES)) return;

@@ -7,7 +7,7 @@
 // No button or axis number is known beforehand: the same pad is numbered differently in different browsers.
 
 /** @import { Input } from "../../tests/javascript/wire.d.ts" */
-/** @typedef {typeof ACTIONS[number]} Action */
+/** @typedef {typeof ACTIONS[number] | typeof OPTIONAL[number]} Action */
 /** @typedef {NonNullable<Input["direction"]>} Direction x, y, z in the world frame */
 /** @typedef {{ axes: number[], buttons: number[] }} PadState */
 /**
@@ -15,9 +15,12 @@
  *   | { kind: "axis", index: number, rest: number, sign: number, span: number }
  *   | { kind: "hat", index: number, value: number }} Control
  */
-/** @typedef {Record<Action, Control>} Mapping */
+/** @typedef {Record<typeof ACTIONS[number], Control> & Partial<Record<typeof OPTIONAL[number], Control>>} Mapping */
 
 export const ACTIONS = /** @type {const} */ (["forward", "back", "left", "right", "up", "down", "close", "open"]);
+/** What a pad may do and need not; a new one has a row in LABELS, in WAYS (calibration.js) and a key in keyboard.js. */
+export const OPTIONAL = /** @type {const} */ (["view"]);
+const ALL = [...ACTIONS, ...OPTIONAL];
 /** @type {Record<Action, string>} */
 export const LABELS = {
   forward: "forward",
@@ -28,6 +31,7 @@ export const LABELS = {
   down: "down",
   close: "close the gripper",
   open: "open the gripper",
+  view: "switch the view",
 };
 /** @type {Partial<Record<Action, Action>>} */
 const OPPOSITE = { forward: "back", left: "right", up: "down", back: "forward", right: "left", down: "up" };
@@ -152,7 +156,9 @@ export function validMapping(mapping) {
     (control.kind === "button" ||
       (control.kind === "hat" && Number.isFinite(control.value)) ||
       (control.kind === "axis" && Number.isFinite(control.rest) && Math.abs(control.sign) === 1 && control.span > 0));
-  return ACTIONS.every((action) => whole(kept[action])) ? /** @type {Mapping} */ (kept) : null;
+  const isWhole = ACTIONS.every((action) => whole(kept[action]));
+  const isGood = OPTIONAL.every((action) => kept[action] === undefined || whole(kept[action]));
+  return isWhole && isGood ? /** @type {Mapping} */ (kept) : null;
 }
 
 /** "Press what the page asks": feed snapshots; `step` is the action asked for, null when all are learned. */
@@ -166,11 +172,36 @@ export class Calibration {
     /** @type {{ amount: number, control: Control } | null} */
     this._best = null;
     this._mustRelease = false;
+    /** @type {Set<Action>} */
+    this._skipped = new Set();
   }
 
   /** @returns {Action | null} */
   get step() {
-    return ACTIONS.find((action) => !(action in this.mapping)) ?? null;
+    return ALL.find((action) => !(action in this.mapping) && !this._skipped.has(action)) ?? null;
+  }
+
+  /**
+   * Whether the action asked for may be left out.
+   *
+   * @returns {boolean}
+   */
+  get isOptional() {
+    return OPTIONAL.some((action) => action === this.step);
+  }
+
+  /**
+   * Leaves out the action asked for, when it is an optional one.
+   *
+   * @returns {void}
+   */
+  skip() {
+    const action = this.step;
+    if (action === null || !this.isOptional) return;
+    this._skipped.add(action);
+    this.message = "";
+    this._mustRelease = this._best !== null;
+    this._best = null;
   }
 
   /** @returns {boolean} */
@@ -226,7 +257,7 @@ export class Calibration {
 
   /** @param {Control} control */
   _learn(control) {
-    const taken = ACTIONS.find((action) => {
+    const taken = ALL.find((action) => {
       const learned = this.mapping[action];
       return learned !== undefined && same(learned, control);
     });

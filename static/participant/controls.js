@@ -13,6 +13,7 @@ const PAIRS = [
   ["Left, right", "left", "right"],
   ["Up, down", "up", "down"],
   ["Grip, let go", "close", "open"],
+  ["Switch the view", "view"],
 ];
 
 const key = (/** @type {string} */ text) => h("kbd", {}, text);
@@ -51,18 +52,11 @@ export function padLegend(mapping) {
     h(
       "tbody",
       {},
-      PAIRS.map(([what, ...actions]) =>
-        h(
-          "tr",
-          {},
-          h("th", { scope: "row" }, what),
-          h(
-            "td",
-            {},
-            actions.map((action) => key(controlName(mapping[action]))),
-          ),
-        ),
-      ),
+      PAIRS.map(([what, ...actions]) => {
+        const controls = actions.map((action) => mapping[action]).filter((control) => control !== undefined);
+        const names = controls.map((control) => key(controlName(control)));
+        return names.length > 0 ? h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, names)) : null;
+      }),
     ),
   );
 }

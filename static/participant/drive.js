@@ -162,6 +162,7 @@ export class DriveView {
       socket.on("instruction", (event) => this._instruct(event.detail)),
       socket.on("state", () => this._refresh()),
       input.on("device", (event) => this._device(event.detail)),
+      input.on("view", () => this._driving() && this.scene.next()),
       sound.on("state", () => this._refresh()),
     ];
   }

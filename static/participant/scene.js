@@ -87,6 +87,17 @@ export class Scene {
     this._deafen();
   }
 
+  /**
+   * The next view, as its button would show it; after the last comes the first.
+   *
+   * @returns {void}
+   */
+  next() {
+    const buttons = [...this.views.querySelectorAll("button")];
+    const shown = buttons.findIndex((button) => button.getAttribute("aria-pressed") === "true");
+    buttons[(shown + 1) % buttons.length]?.click();
+  }
+
   /** @returns {string | null} */
   _keptView() {
     return tab.get(this.viewKey, null);

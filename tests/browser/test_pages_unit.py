@@ -208,7 +208,7 @@ def test_nothing_drives_before_start_or_while_paused_or_behind_a_dialog(page: Pa
     assert lab.inputs() == lab.inputs(after=mark)
 
 
-def calibrated(page: Page, lab: FakeLab, pad: FakePad) -> None:
+def calibrated(page: Page, lab: FakeLab, pad: FakePad, view: int | None = None) -> None:
     """Goes through "press what the page asks" with the left stick, and buttons for everything else."""
     opened(page, lab, "setup")
     page.get_by_test_id("device-gamepad").click()
@@ -230,6 +230,11 @@ def calibrated(page: Page, lab: FakeLab, pad: FakePad) -> None:
         asked(step)
         pad.tap(button)
         pad.frames(3)
+    asked("view")
+    if view is None:
+        page.get_by_test_id("calibration-skip").click()
+    else:
+        pad.tap(view)
     page.get_by_test_id("dead-zone").wait_for()
 
 
@@ -272,6 +277,27 @@ def test_a_learned_pad_drives_is_remembered_and_yields_to_the_keyboard_when_unpl
     page.keyboard.down("KeyW")
     lab.wait_for(lambda message: message.get("direction") == [1, 0, 0], after=before_unplug)
     lab.wait_for(lambda message: message.get("device") == "keyboard", after=before_unplug)
+
+
+def test_a_key_and_a_button_of_the_pad_switch_the_view(page: Page, lab: FakeLab) -> None:
+    pad = FakePad(page)
+    calibrated(page, lab, pad, view=8)
+    lab.state = "trial"
+    page.reload()
+    visible(page, "page-drive")
+    lab.send(tick(0))
+    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+    pad.tap(0)  # shows the pad to the new page
+    names = [view["name"] for view in CONTENT["trial"]["views"]]
+    for hand, name in (("pad", names[1]), ("key", names[2 % len(names)])):
+        mark = lab.mark()
+        if hand == "pad":
+            pad.tap(8)
+        else:
+            page.keyboard.press("KeyV")
+        seen = lab.wait_for(lambda message: message["type"] == "view", after=mark)
+        assert seen["name"] == name, "each press goes one further"
+    assert lab.inputs() == [], "and moves nothing"
 
 
 MAPPING_CASES = """async () => {
