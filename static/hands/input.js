@@ -3,6 +3,7 @@
 // Nothing is queued: what cannot be sent now is never sent late.
 
 import { Emitter } from "../common/emitter.js";
+import { HeartbeatTimer } from "../wire/heartbeat.js";
 import { remembered } from "./gamepad.js";
 import { chosenDevice } from "./keyboard.js";
 
@@ -46,8 +47,12 @@ export class Input extends Emitter {
     this.chosen = null;
     this._padWasThere = false;
     this._everyMs = 0;
-    /** @type {Worker | null} */
-    this._worker = null;
+    this._timer = new HeartbeatTimer();
+    this._timer.addEventListener("beat", () => this._beat());
+    this._timer.addEventListener("fallback", (event) => {
+      console.warn("heartbeat: no worker, the page's own timer beats:", event.detail);
+      socket.note("heartbeat_by_timer", { why: event.detail });
+    });
     for (const device of /** @type {Emitter<HandsEvents>[]} */ ([keyboard, pads])) {
       device.addEventListener("hands", () => this._changed());
       device.addEventListener("gripper", (event) => this._gripper(event.detail));
@@ -173,11 +178,7 @@ export class Input extends Emitter {
   /** @param {number} everyMs 0 for never */
   _startBeating(everyMs) {
     this._everyMs = everyMs;
-    if (!this._worker) {
-      this._worker = new Worker(new URL("../wire/heartbeat_worker.js", import.meta.url));
-      this._worker.addEventListener("message", () => this._beat());
-    }
-    this._worker.postMessage(everyMs);
+    this._timer.start(everyMs);
   }
 
   _beat() {

@@ -68,6 +68,8 @@ class FakeLab:
             "demo": True,
             "stimuli": stimuli,
         }
+        self.content: dict[str, Message] = dict(CONTENT)
+        """What each state shows; a test may put something else."""
         self.state = state
         self.trial = 1
         self.acknowledges = True
@@ -113,7 +115,13 @@ class FakeLab:
             self.send(self.page(), role)
 
     def page(self) -> Message:
-        return {"type": "page", "state": self.state, "trial": self.trial, "trials": 3, "content": CONTENT[self.state]}
+        return {
+            "type": "page",
+            "state": self.state,
+            "trial": self.trial,
+            "trials": 3,
+            "content": self.content[self.state],
+        }
 
     def acknowledge_all(self) -> None:
         """What was left unacknowledged so far, now."""

@@ -1,0 +1,106 @@
+"""Nobody is stuck in a real browser: what cannot be loaded, drawn or reached is said, with what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.browser.test_pages_unit import opened
+from tests.support.fake_lab import FakeLab
+from tests.support.fake_pages import CONTENT
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page, Route
+
+WORKER = "**/wire/heartbeat_worker.js"
+
+
+@pytest.fixture
+def lab() -> Iterator[FakeLab]:
+    with FakeLab() as running:
+        yield running
+
+
+def beats(lab: FakeLab, mark: int, count: int) -> None:
+    """That many heartbeats after a mark."""
+    for _ in range(count):
+        lab.wait_for(lambda message: message["type"] == "heartbeat", after=mark)
+        mark = next(i for i in range(mark, lab.mark()) if lab.received[i]["type"] == "heartbeat") + 1
+
+
+# --- what cannot be loaded -----------------------------------------------------------------------------------------
+
+
+def blocked(route: Route) -> None:
+    route.abort("blockedbyclient")
+
+
+def missing(route: Route) -> None:
+    route.fulfill(status=404, body="")
+
+
+def emptied(route: Route) -> None:
+    route.fulfill(status=200, content_type="text/javascript", body="")
+
+
+@pytest.mark.parametrize("answer", [blocked, missing, emptied])
+def test_without_its_worker_the_heartbeat_goes_on_and_the_lab_is_told(page: Page, lab: FakeLab, answer: Any) -> None:
+    page.context.route(WORKER, answer)
+    opened(page, lab, "trial")
+    told = lab.wait_for(lambda message: message["type"] == "note" and message["name"] == "heartbeat_by_timer")
+    assert told["data"]["why"] == ("silent" if answer is emptied else "error")
+    beats(lab, lab.mark(), 4)
+
+
+def test_a_browser_that_makes_no_workers_beats_too(page: Page, lab: FakeLab) -> None:
+    page.add_init_script("window.Worker = class { constructor() { throw new Error('no workers here'); } };")
+    opened(page, lab, "trial")
+    told = lab.wait_for(lambda message: message["type"] == "note" and message["name"] == "heartbeat_by_timer")
+    assert told["data"]["why"] == "threw"
+    beats(lab, lab.mark(), 4)
+
+
+def test_with_its_worker_nothing_is_told(page: Page, lab: FakeLab) -> None:
+    opened(page, lab, "trial")
+    beats(lab, lab.mark(), 12)  # longer than it may be silent
+    assert not [message for message in lab.received if message.get("name") == "heartbeat_by_timer"]
+
+
+@pytest.mark.parametrize("module", ["readings/sound.js", "participant/scene.js", "hands/gamepad.js", "common/dom.js"])
+def test_a_module_that_does_not_come_through_leaves_no_empty_page(page: Page, lab: FakeLab, module: str) -> None:
+    page.context.route(f"**/static/{module}", blocked)
+    page.goto(lab.participant_url)
+    said = page.get_by_text("Reload the page. If that does not help")
+    said.wait_for()
+    assert "switch off what blocks content" in said.inner_text()
+
+
+def test_the_second_device_and_the_dashboard_say_so_too(page: Page, lab: FakeLab) -> None:
+    page.context.route("**/static/common/dom.js", blocked)
+    for address in (lab.panel_url, f"{lab.base_url}/dashboard"):
+        page.goto(address)
+        page.get_by_text("Reload the page. If that does not help").wait_for()
+
+
+def test_a_page_that_came_through_never_shows_it(page: Page, lab: FakeLab) -> None:
+    opened(page, lab, "consent")
+    assert page.locator(".boot").count() == 1
+    assert not page.locator(".boot").is_visible()
+
+
+# --- how many questions --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "words"), [(3, "3 short questions."), (1, "One short question."), (0, None)])
+def test_the_instructions_count_their_questions(page: Page, lab: FakeLab, count: int, words: str | None) -> None:
+    asked = CONTENT["instructions"]
+    lab.content["instructions"] = {**asked, "questions": asked["questions"][:count]}
+    opened(page, lab, "instructions")
+    assert page.get_by_test_id("instructions-questions").count() == (0 if words is None else 1)
+    if words is None:
+        page.get_by_test_id("instructions-submit").click()
+        assert lab.wait_submit("instructions")["data"] == {"answers": {}}
+    else:
+        assert words in page.get_by_test_id("instructions-questions").inner_text()
