@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model, field_validator
 
+from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.flow import FLOW, Flow
 from study.flow.steps import step_names
 
@@ -171,6 +172,8 @@ class Welcome(Message):
     """Highest input sequence number the lab has seen; the page goes on from there."""
     demo: bool = False
     """Whether this is a demo, which no study counts."""
+    words_limit: int = MAX_TEXT_CHARACTERS
+    """How many characters free words may have, in answers and in what is said to the experimenter."""
     stimuli: StimulusWords | None = None
     """What the second task calls what it shows; null: readings."""
 
@@ -291,6 +294,8 @@ class Alert(Message):
     """How long the view stays covered at least, in seconds (same_page_away)."""
     prompt: str | None = None
     """What to do with it, in words; null: what readings ask for."""
+    entry: Literal["text", "number"] = "text"
+    """What is typed: of a number, nothing else is taken."""
     choices: tuple[AlertChoice, ...] = ()
     """The answers to choose from; empty: the answer is typed."""
     right_answer: str | None = None

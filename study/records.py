@@ -248,8 +248,13 @@ class SurveyAnswerRow:
     trial: int | None = column("Trial the answer is about; blank = the whole session")
     instrument: str = column("Questionnaire id (also demographics and comprehension)")
     item: str = column("Item id in the questionnaire")
-    value: str = column("Answer as given: a scale point, the id of an option, or text")
+    value: str = column("Answer as given: a scale point, the id of an option, a number, or text as it was typed")
     answered_utc: str = column("When the answer reached the lab", unit=UTC)
+    typed: str | None = column(
+        "What was typed, character by character, where `value` is the number read from it, such as `3,5` for 3.5; "
+        "blank = `value` is what was given",
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

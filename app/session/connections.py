@@ -135,6 +135,7 @@ class Connections:
             answer_within_s=round(distractor.deadline_s(alert.alert) - alert.due_trial_s, 6),
             away_min_s=settings.away_min_s,
             prompt=stimulus.prompt or None,
+            entry=stimulus.entry,
             choices=tuple(AlertChoice(**vars(choice)) for choice in stimulus.choices),
             right_answer=distractor.right_answer(alert.alert) if is_scripted else None,
         )

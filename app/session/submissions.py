@@ -17,6 +17,7 @@ from app.session.transitions import Transitions
 from app.trial.reasoning import PartFault
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
+from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS
 from study.flow.page import Refused, StepContext, parse
 from study.flow.protocol import IllegalEvent
 from study.flow.steps import AlertData
@@ -148,6 +149,13 @@ class Submissions:
             if result == "empty":
                 verb = "answer" if running.distractor.alerts[data.alert - 1].stimulus.choices else "type"
                 raise Refused("invalid", ("data.value", f"Please {verb} the {words.one}."))
+            if result == "too_long":
+                text = f"This has {len(data.value or '')} characters; at most {MAX_ANSWER_CHARACTERS} are taken."
+                raise Refused("invalid", ("data.value", text))
+            if result == "unreadable":
+                raise Refused("invalid", ("data.value", "This holds a character that nobody can read."))
+            if result == "no_number":
+                raise Refused("invalid", ("data.value", f"“{data.value}” is not a number."))
             if result == "no_choice":
                 choices = running.distractor.alerts[data.alert - 1].stimulus.choices
                 ids = ", ".join(choice.id for choice in choices)

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field
 
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
@@ -34,6 +34,7 @@ from app.session.session import LiveSession
 from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
 from app.web.sessions_api import SessionReply, session_reply
+from study.flow.page import Text
 from study.flow.protocol import Session
 from study.records import EventRow
 from study.store import StoredSession
@@ -70,7 +71,7 @@ class LiveReply(SessionReply):
 class _Said(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    text: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
+    text: Annotated[Text, Field(pattern=r"\S")]
     """The words; kept apart from the record and never exported."""
 
 

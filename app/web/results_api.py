@@ -19,6 +19,7 @@ from app.session.commands import NotNow
 from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from study.definition.study import Study
 from study.flow.answers import score
+from study.flow.page import Text
 from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Batch, Store
 
@@ -82,7 +83,7 @@ class OverrideRequest(BaseModel):
 
     verdict: Literal["good", "suspect"]
     """What counts from now on."""
-    reason: Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+    reason: Annotated[Text, Field(pattern=r"\S")]
     """Why; it is exported with the trial."""
 
 
@@ -157,7 +158,7 @@ async def override(
 ) -> VerdictLine:
     """Let another verdict count, with the reason, which is exported with the trial. The automatic one stays beside it,
     and an event says who and when."""
-    utc, reason = utc_text(time.time()), body.reason.strip()
+    utc, reason = utc_text(time.time()), body.reason
 
     def write(store: Store) -> TrialRow | None:
         found = store.rows_of("trials", participant, trial=trial)

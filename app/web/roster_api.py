@@ -14,7 +14,9 @@ from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from study.flow import roster
+from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.open_link import open_link
+from study.flow.page import Text
 from study.flow.roster import ACTS, Act, Enrolled
 from study.store import Store, StoredSession
 
@@ -37,7 +39,7 @@ Show = Literal[
     "aborted",
     "screened_out",
 ]
-Reason = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+Reason = Annotated[Text, Field(pattern=r"\S")]
 
 
 class CellReply(BaseModel):
@@ -105,6 +107,8 @@ class RosterReply(BaseModel):
     """The study's title."""
     withdrawal: Literal["keep", "erase"]
     """What the consent text says becomes of the data of somebody who withdraws."""
+    words_limit: int
+    """How many characters free words may have: reasons, remarks, notes, messages."""
     recruitment: RecruitmentReply
     """The open link."""
     grid: list[GridReply]
@@ -129,7 +133,7 @@ class RejectRequest(RequestBody):
 class WithdrawRequest(RequestBody):
     """Somebody's wish to stop. `keep` says whether what was recorded stays; if left out, the study file decides."""
 
-    reason: Annotated[str, Field(max_length=1000)] | None = None
+    reason: Text | None = None
     """In words, if there are any; kept apart from the record and never exported."""
     keep: bool | None = None
     """Whether their data stay; left out, as the consent they gave says."""
@@ -232,6 +236,7 @@ async def read_roster(
     return RosterReply(
         title=study.title,
         withdrawal=study.consent.on_withdrawal,
+        words_limit=MAX_TEXT_CHARACTERS,
         recruitment=RecruitmentReply(
             open=study.recruitment.open,
             quota=study.recruitment.quota,

@@ -20,6 +20,7 @@ from app.session.commands import ACTS, Circumstances, Command, CommandName, NotN
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
+from study.flow.page import Text
 from study.flow.roster import EnrolmentKind
 from study.store import StoredSession
 
@@ -123,7 +124,7 @@ class SessionReply(BaseModel):
 class CommandRequest(RequestBody):
     """Why. The words are kept apart from the record and never exported; an abort must have some."""
 
-    reason: Annotated[str, Field(max_length=1000)] | None = None
+    reason: Text | None = None
     """In words."""
 
 

@@ -1,6 +1,7 @@
 // What surrounds every participant page: header, connection sign, toasts, dialogs.
 
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+import { wordsProblem } from "./words_limit.js";
 
 /** @import { Child, IconName } from "./dom.js" */
 /** @import { Emitter } from "./emitter.js" */
@@ -92,7 +93,7 @@ export function ask({
   return new Promise((resolve) => {
     const titleId = freshId("dialog-title");
     const fieldId = freshId("dialog-field");
-    const input = field && h("textarea", { id: fieldId, rows: 3, maxlength: 2000, required: field.required });
+    const input = field && h("textarea", { id: fieldId, rows: 3, required: field.required });
     const error = h("p", { class: "field-error", role: "alert", hidden: true });
     const yes = h(
       "button",
@@ -114,16 +115,17 @@ export function ask({
     let answer = null;
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const typed = input?.value.trim() ?? "";
-      const missing = field?.required && typed === "" ? (field.missing ?? "Please fill this in.") : "";
-      const wrong = missing || field?.check?.(typed);
+      const typed = input?.value ?? "";
+      const blank = typed.trim() === "";
+      const missing = field?.required && blank ? (field.missing ?? "Please fill this in.") : "";
+      const wrong = missing || wordsProblem(typed) || field?.check?.(typed);
       if (wrong) {
         error.hidden = false;
         error.textContent = wrong;
         input?.focus();
         return;
       }
-      answer = typed;
+      answer = blank ? "" : typed;
       dialog.close();
     });
     no.addEventListener("click", () => dialog.close());

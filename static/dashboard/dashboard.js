@@ -4,6 +4,7 @@ import { copyButton } from "../common/copy.js";
 import { freshId, h, icon, setText, whileBusy } from "../common/dom.js";
 import { problemText } from "../common/problem.js";
 import { Toasts } from "../common/shell.js";
+import { numberProblem, numerals } from "../common/typed_number.js";
 import { Api, isRefused } from "./api.js";
 import { act } from "./commands.js";
 import { Live } from "./live.js";
@@ -193,10 +194,9 @@ function createCard() {
   const labelId = freshId("label");
   const count = h("input", {
     id: countId,
-    type: "number",
-    min: 1,
-    max: 200,
-    step: 1,
+    type: "text", // a field of the type number makes 35 of 3,5
+    inputmode: "numeric",
+    autocomplete: "off",
     value: "1",
     class: "narrow",
     data: { testid: "create-count" },
@@ -204,16 +204,15 @@ function createCard() {
   const label = h("input", {
     id: labelId,
     type: "text",
-    maxlength: 200,
     autocomplete: "off",
     data: { testid: "create-label" },
   });
   const error = h("p", { class: "field-error", role: "alert", hidden: true });
   const links = h("div", { class: "links", data: { testid: "links" } });
   const create = (/** @type {NonNullable<InviteRequest["kind"]>} */ kind) => async () => {
-    const wanted = Number(count.value);
+    const wanted = Number(numerals(count.value)[0]);
     error.hidden = true;
-    if (!Number.isInteger(wanted) || wanted < 1 || wanted > 200) {
+    if (numberProblem(count.value, { whole: true, least: 1, most: 200 })) {
       error.hidden = false;
       setText(error, `The number of links must be a whole number from 1 to 200, not “${count.value}”.`);
       count.focus();

@@ -3,6 +3,7 @@
 import { copyButton } from "../common/copy.js";
 import { freshId, h, icon, setText } from "../common/dom.js";
 import { problemText } from "../common/problem.js";
+import { setWordsLimit } from "../common/words_limit.js";
 import { isRefused } from "./api.js";
 import { erase, newLink, reject, withdraw } from "./roster_dialogs.js";
 import { gridTable, legend } from "./roster_grid.js";
@@ -191,6 +192,7 @@ export class Roster {
       ? { participant: focus.closest("tr")?.dataset.participant, button: focus.dataset.testid }
       : null;
     this.withdrawal = roster.withdrawal;
+    setWordsLimit(roster.words_limit);
     setText(
       this.counts,
       Object.entries(COUNTED)

@@ -88,12 +88,12 @@ export async function erase(api, { participant }) {
       label: `Type ${participant} to confirm`,
       required: true,
       missing: `Type ${participant}.`,
-      check: (value) => (value === participant ? "" : `This is not ${participant}.`),
+      check: (value) => (value.trim() === participant ? "" : `This is not ${participant}.`),
     },
   });
   if (typed === null) return null;
   /** @type {EraseReply} */
-  const { overwritten } = await api.send(`${person(participant)}/erase`, { confirm: typed });
+  const { overwritten } = await api.send(`${person(participant)}/erase`, { confirm: typed.trim() });
   return `${participant}: erased.${overwritten ? "" : " The space is overwritten at the next erasure, because another program was reading the data."}`;
 }
 

@@ -3,6 +3,7 @@
 import { h } from "../common/dom.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { ask, card, Shell } from "../common/shell.js";
+import { setWordsLimit } from "../common/words_limit.js";
 import { Pads } from "../hands/gamepad.js";
 import { Input } from "../hands/input.js";
 import { Keyboard } from "../hands/keyboard.js";
@@ -28,6 +29,7 @@ const sound = new Sound();
 const keyboard = new Keyboard();
 const pads = new Pads();
 const input = new Input({ socket, keyboard, pads, session });
+socket.addEventListener("welcome", (event) => setWordsLimit(event.detail.words_limit));
 const shell = new Shell({ socket, onHelp: help, onStop: stop });
 /** @type {Context} */
 const context = { session, socket, sound, keyboard, pads, input, closeDialogs };

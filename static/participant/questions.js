@@ -1,10 +1,12 @@
 // Single questions of a form: radio groups, text and number fields, with their own error line.
 
 import { freshId, h, icon, setText } from "../common/dom.js";
+import { numberProblem } from "../common/typed_number.js";
+import { wordsProblem } from "../common/words_limit.js";
 
 /** @import { Child } from "../common/dom.js" */
 /** @import { LabSocket } from "../wire/socket.js" */
-/** @typedef {string | number | null} Answer null for none */
+/** @typedef {string | null} Answer as it was typed, or the id of the option; null for none */
 /**
  * @typedef {object} Asked a question as the study file has it
  * @property {string} id
@@ -12,6 +14,9 @@ import { freshId, h, icon, setText } from "../common/dom.js";
  * @property {"choice" | "text" | "number" | "long"} [kind]
  * @property {{ id: string, label: string }[]} [options]
  * @property {boolean} [required]
+ * @property {boolean} [whole] of a number: whether only a whole one is taken
+ * @property {number | null} [least] of a number
+ * @property {number | null} [most] of a number
  */
 /**
  * @typedef {object} Question a question as it stands on the page
@@ -19,6 +24,7 @@ import { freshId, h, icon, setText } from "../common/dom.js";
  * @property {boolean} required
  * @property {HTMLElement} element
  * @property {() => Answer} value
+ * @property {() => string} problem why the answer cannot be taken, "" when it can
  * @property {() => void} clear takes its error away
  * @property {(text: string) => void} fail shows an error
  * @property {() => boolean} failed whether it shows one
@@ -34,7 +40,8 @@ import { freshId, h, icon, setText } from "../common/dom.js";
  * @param {{ kept: Answer, onChange: (id: string, value: Answer) => void }} answering
  * @returns {Question}
  */
-export function question({ id, prompt, kind = "choice", options = [], required = true }, { kept, onChange }) {
+export function question(asked, { kept, onChange }) {
+  const { id, prompt, kind = "choice", options = [], required = true } = asked;
   const errorId = freshId("error");
   const errorText = h("span", {});
   const error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true }, icon("warning"), errorText);
@@ -58,6 +65,13 @@ export function question({ id, prompt, kind = "choice", options = [], required =
     required,
     element: made.element,
     value: made.value,
+    problem() {
+      const value = made.value();
+      if (value === null) return required ? "Please answer this question." : "";
+      if (kind === "choice") return "";
+      if (value.trim() === "") return "This holds blanks alone. Please write something, or leave it empty.";
+      return (kind === "number" ? numberProblem(value, asked) : wordsProblem(value)) ?? "";
+    },
     clear,
     failed: () => !error.hidden,
     fail(text) {
@@ -107,36 +121,39 @@ function typed({ id, prompt, kind, kept, errorId, note }) {
   const fieldId = freshId("field");
   const control =
     kind === "number"
-      ? h("input", { id: fieldId, type: "number", step: "any", inputmode: "decimal", "aria-describedby": errorId })
+      ? h("input", {
+          id: fieldId,
+          type: "text", // a field of the type number changes what it does not understand, and tells nobody
+          inputmode: "decimal",
+          autocomplete: "off",
+          autocapitalize: "off",
+          spellcheck: "false",
+          "aria-describedby": errorId,
+        })
       : kind === "long"
-        ? h("textarea", { id: fieldId, rows: 4, maxlength: 5000, "aria-describedby": errorId })
-        : h("input", { id: fieldId, type: "text", maxlength: 500, autocomplete: "off", "aria-describedby": errorId });
-  if (kept !== null) control.value = String(kept);
+        ? h("textarea", { id: fieldId, rows: 4, "aria-describedby": errorId })
+        : h("input", { id: fieldId, type: "text", autocomplete: "off", "aria-describedby": errorId });
+  if (kept !== null) control.value = kept;
   const element = h(
     "div",
     { class: "question field", data: { testid: `question-${id}` } },
     h("label", { for: fieldId }, prompt, note),
     control,
   );
-  const value = () => {
-    const text = control.value.trim();
-    if (text === "") return null;
-    return kind === "number" ? Number(text) : text;
-  };
-  return { element, controls: [control], value };
+  return { element, controls: [control], value: () => (control.value === "" ? null : control.value) };
 }
 
 /**
- * Marks what is required and empty; returns whether all is there, and moves focus to the first gap.
+ * Says beside each question why its answer cannot be taken; returns whether all can, and moves focus to the first gap.
  *
  * @param {Question[]} questions
  * @returns {boolean}
  */
 export function checkAll(questions) {
-  const missing = questions.filter((one) => one.required && (one.value() === null || Number.isNaN(one.value())));
-  for (const one of missing) one.fail("Please answer this question.");
-  missing[0]?.focus();
-  return missing.length === 0;
+  const wrong = questions.filter((one) => one.problem() !== "");
+  for (const one of wrong) one.fail(one.problem());
+  wrong[0]?.focus();
+  return wrong.length === 0;
 }
 
 /**

@@ -5,6 +5,7 @@
 import { freshId, h, icon, setText } from "../common/dom.js";
 import { Emitter } from "../common/emitter.js";
 import { problemText } from "../common/problem.js";
+import { numerals } from "../common/typed_number.js";
 import { wordsFor } from "./words.js";
 
 /** @import { Alert, AlertChoice, AlertClosed } from "../../tests/javascript/wire.d.ts" */
@@ -35,6 +36,8 @@ export class AlertView extends Emitter {
     this.alert = null;
     /** @type {Pick<AlertChoice, "id" | "key">[]} */
     this.choices = []; // none: it is typed
+    /** @type {Alert["entry"]} */
+    this.entry = "text";
     /** @type {"idle" | "open" | "sending" | "waiting"} */
     this.phase = "idle"; // idle → open → sending → waiting → idle
     this.words = wordsFor(socket.welcome);
@@ -55,7 +58,6 @@ export class AlertView extends Emitter {
       autocomplete: "off",
       autocapitalize: "off",
       spellcheck: "false",
-      maxlength: 64,
       class: "reading-input",
       "aria-describedby": errorId,
       data: { testid: "alert-input" },
@@ -80,7 +82,7 @@ export class AlertView extends Emitter {
     this.form = h("form", { class: "alert-form", novalidate: true }, this.field, this.button, this.chooser);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      if (this.choices.length === 0) this._answer(this.input.value.trim());
+      if (this.choices.length === 0) this._answer(this.input.value);
     });
     this.element = h(
       "section",
@@ -135,7 +137,7 @@ export class AlertView extends Emitter {
     this.error.hidden = true;
     this._name();
     setText(this.reading, alert.reading);
-    this.reading.classList.toggle("long", this.words.keypad === "text" && alert.reading.length > LONG_TEXT);
+    this.reading.classList.toggle("long", alert.reading.length > LONG_TEXT && numerals(alert.reading).length === 0);
     this._ask(alert);
     setText(this.result, "");
     this._redraw();
@@ -149,7 +151,6 @@ export class AlertView extends Emitter {
     const words = wordsFor(this.socket.welcome);
     this.words = words;
     this.element.setAttribute("aria-label", words.title);
-    this.input.inputMode = words.keypad;
     setText(this.fresh, words.fresh);
     setText(this.button, words.submit);
     setText(this.label, words.prompt);
@@ -160,8 +161,10 @@ export class AlertView extends Emitter {
    *
    * @param {Alert} alert
    */
-  _ask({ prompt = null, choices = [] }) {
+  _ask({ prompt = null, choices = [], entry }) {
     const typed = choices.length === 0;
+    this.entry = entry ?? "text";
+    this.input.inputMode = this.entry === "number" ? "decimal" : "text";
     this.choices = choices;
     this.field.hidden = this.button.hidden = !typed;
     this.chooser.hidden = typed;
@@ -298,9 +301,15 @@ export class AlertView extends Emitter {
   async _answer(value) {
     if (this.phase !== "open" || !this.alert) return;
     const { alert } = this.alert;
-    if (value === "") {
+    const wrong =
+      value.trim() === ""
+        ? this.words.missing
+        : this.entry === "number" && numerals(value).length === 0
+          ? this.words.noNumber(value.trim())
+          : "";
+    if (wrong) {
       this.error.hidden = false;
-      setText(this.error, this.words.missing);
+      setText(this.error, wrong);
       this.input.focus();
       return;
     }

@@ -9,11 +9,11 @@
  * @property {string} prompt where the lab sends none
  * @property {string} submit on the button that hands in what was typed
  * @property {string} missing when nothing was typed
+ * @property {(typed: string) => string} noNumber when a number was asked for and none was typed
  * @property {string} late when the time is up
  * @property {string} handled after a reload: it was dealt with
  * @property {string} handsOff while it covers the view
  * @property {string} missed on the participant's page, when the time was up
- * @property {"decimal" | "text"} keypad of a touch screen
  * @property {{ device: string, title: string, purpose: string, waiting: string, next: string, answered: string,
  *   missed: string, elsewhere: string, over: string }} panel the second device
  * @property {{ loud: string, watch: string, second: string }} setup
@@ -26,11 +26,11 @@ const READINGS = {
   prompt: "Type the reading, then press Enter",
   submit: "Log reading",
   missing: "Type the number shown above first.",
+  noNumber: (typed) => `“${typed}” is not a number. Type the number shown above.`,
   late: "Time is up for this reading.",
   handled: "This reading is logged.",
   handsOff: "Take your hands off the robot's controls. They come back after you have logged the reading.",
   missed: "Time ran out for that reading.",
-  keypad: "decimal",
   panel: {
     device: "Sensor panel",
     title: "Sensor readings",
@@ -62,11 +62,11 @@ function wordsOf({ one, many }) {
     prompt: "Type your answer, then press Enter",
     submit: "Answer",
     missing: "Type your answer first.",
+    noNumber: (typed) => `“${typed}” is not a number. Type the answer as a number.`,
     late: `Time is up for this ${one}.`,
     handled: `This ${one} is answered.`,
     handsOff: "Take your hands off the robot's controls. They come back after you have answered.",
     missed: `Time ran out for that ${one}.`,
-    keypad: "text",
     panel: {
       device: "Second device",
       title: capital(many),

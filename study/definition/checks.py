@@ -87,6 +87,14 @@ def _option_problems(place: tuple[Any, ...], entry: Mapping[str, Any]) -> Iterat
             yield Problem((*place, "options"), f"has {len(ids)} entries, a choice must have at least 2")
         if kind in ("text", "number") and ids:
             yield Problem((*place, "options"), f"must be left out with kind {kind!r}")
+        if kind != "number":
+            for name in ("whole", "least", "most"):
+                if name in entry:
+                    yield Problem((*place, name), f"must be left out with kind {kind!r}; only a number has it")
+        least: Any = entry.get("least")
+        most: Any = entry.get("most")
+        if _both_numbers(least, most) and least > most:
+            yield Problem((*place, "least"), f"must be at most most, which is {most}")
 
 
 def _distractor_problems(distractor: object) -> Iterator[Problem]:

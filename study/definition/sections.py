@@ -32,6 +32,12 @@ class DemographicItem(Part):
     options: tuple[Option, ...] = ()
     required: Flag = True
     """Whether the page waits for an answer."""
+    whole: Flag = False
+    """Of a number: whether only a whole one is taken."""
+    least: Annotated[float, number()] | None = None
+    """Of a number: the least that is taken; left out = any."""
+    most: Annotated[float, number()] | None = None
+    """Of a number: the most that is taken; left out = any."""
 
 
 class ComprehensionQuestion(Part):

@@ -20,6 +20,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import MISSING, fields
 from itertools import islice
 from operator import attrgetter
 from pathlib import Path
@@ -123,10 +124,12 @@ def write_tables(
 def read_table(in_dir: Path | str, table: str) -> list[Any]:
     """The rows of an exported table as their type.
 
-    Raises `ExportError` for a folder that is no export, another schema version, missing columns, or a cell that is
-    not of its column's type (with file and line). Columns that are not known are ignored.
+    A column that came later, and so has a default, may be missing: the rows have the default. Raises `ExportError` for
+    a folder that is no export, another schema version, missing columns, or a cell that is not of its column's type
+    (with file and line). Columns that are not known are ignored.
     """
-    infos = columns(table)
+    known = columns(table)
+    later = {item.name for item in fields(TABLES[table]) if item.default is not MISSING}
     folder = Path(in_dir)
     read_meta(folder)
     path = folder / f"{table}.csv"
@@ -134,15 +137,16 @@ def read_table(in_dir: Path | str, table: str) -> list[Any]:
         with path.open(encoding="utf-8", newline="") as file:
             reader = csv.reader(file)
             header = next(reader, [])
+            infos = tuple(info for info in known if info.name in header or info.name not in later)
             missing = [info.name for info in infos if info.name not in header]
             if missing:
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             row_type = TABLES[table]
-            cells = [(header.index(info.name), _reader(info)) for info in infos]
+            cells = [(info.name, header.index(info.name), _reader(info)) for info in infos]
             rows = []
             for line in reader:
                 try:
-                    rows.append(row_type(*[parse(line[position]) for position, parse in cells]))
+                    rows.append(row_type(**{name: parse(line[position]) for name, position, parse in cells}))
                 except (ValueError, IndexError):
                     # `line_num` is the last line of the row: cells may hold line breaks.
                     raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line)}") from None

@@ -7,16 +7,24 @@ and averaging happen in `score`, which only the analysis calls.
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, Item
+from study.definition.sections import DemographicItem
 from study.definition.study import Study
 from study.definition.toml_reader import closest
+from study.flow.typed_number import Asked, DecimalMark, Flaw, flaw_of, number_of, sentence
 from study.records import StudyError, SurveyAnswerRow
 
 MAX_TEXT_CHARACTERS = 4000
+"""Of anything that is typed freely, counted as Unicode characters; the pages are told."""
+MAX_NUMBER_CHARACTERS = 100
+DECIMAL_MARK: DecimalMark = "."
+"""How the pages write numbers."""
 
 
 @dataclass(frozen=True)
@@ -68,23 +76,61 @@ def validate_surveys(study: Study, answers: object) -> tuple[AnswerProblem, ...]
 
 
 def validate_demographics(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
-    """Everything wrong with the answers {item: option id, text or number}; not required items may be left out."""
+    """Everything wrong with the answers {item: option id, text, or number as it was typed or as a number}; not required
+    items may be left out."""
     if not isinstance(answers, Mapping):
         return (AnswerProblem("answers", "must be an object of item id to answer"),)
     found = [*_unknown(answers, [item.id for item in study.demographics], "answers")]
     for item in study.demographics:
         field, value = f"answers.{item.id}", answers.get(item.id)
-        if _is_blank(value):
+        if value is None or value == "":
             if item.required:
                 found.append(AnswerProblem(field, "is missing"))
         elif item.kind == "choice":
             found += _choice_problem(field, value, [option.id for option in item.options])
-        elif item.kind == "number":
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                found.append(AnswerProblem(field, f"is {value!r}, must be a finite number"))
-        elif not isinstance(value, str) or len(value) > MAX_TEXT_CHARACTERS:
-            found.append(AnswerProblem(field, f"must be a text of at most {MAX_TEXT_CHARACTERS} characters"))
+        else:
+            problem = _number_problem(value, _asked(item)) if item.kind == "number" else text_problem(value)
+            if problem:
+                found.append(AnswerProblem(field, problem))
     return tuple(found)
+
+
+def text_problem(value: object) -> str | None:
+    """Why words cannot be taken as they are; None when they can."""
+    if not isinstance(value, str):
+        return f"is {value!r}, must be a text"
+    if len(value) > MAX_TEXT_CHARACTERS:
+        return f"has {len(value)} characters; at most {MAX_TEXT_CHARACTERS} are taken"
+    if not value.strip():
+        return "holds blanks alone; please write something, or leave it empty"
+    return unseen_problem(value)
+
+
+def unseen_problem(text: str) -> str | None:
+    """Why words with control characters cannot be taken; None when there are none."""
+    unseen = next((one for one in text if unicodedata.category(one) in ("Cc", "Cs") and one not in "\t\n"), None)
+    return f"holds a character that nobody can read (U+{ord(unseen):04X}); please take it out" if unseen else None
+
+
+def _number_problem(value: object, asked: Asked) -> str | None:
+    flaw: Flaw | None
+    if isinstance(value, str):
+        flaw = "no_number" if len(value) > MAX_NUMBER_CHARACTERS else number_of(value, asked)[1]
+    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        return f"is {value!r}, must be a finite number"
+    else:
+        flaw = flaw_of(value, asked)
+    return sentence(flaw, value, asked) if flaw else None
+
+
+def numbers_of(study: Study) -> dict[str, Asked]:
+    """The questions about the person that are answered by a number, and what each takes."""
+    return {item.id: _asked(item) for item in study.demographics if item.kind == "number"}
+
+
+def _asked(item: DemographicItem) -> Asked:
+    """What a question for a number takes."""
+    return Asked(DECIMAL_MARK, item.whole, item.least, item.most)
 
 
 def validate_comprehension(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
@@ -109,9 +155,9 @@ def validate_debrief(study: Study, answers: object) -> tuple[AnswerProblem, ...]
     found = [*_unknown(answers, [question.id for question in study.texts.debrief_questions], "answers")]
     for question in study.texts.debrief_questions:
         value = answers.get(question.id)
-        if value is not None and (not isinstance(value, str) or len(value) > MAX_TEXT_CHARACTERS):
-            message = f"must be a text of at most {MAX_TEXT_CHARACTERS} characters"
-            found.append(AnswerProblem(f"answers.{question.id}", message))
+        problem = None if value is None or value == "" else text_problem(value)
+        if problem:
+            found.append(AnswerProblem(f"answers.{question.id}", problem))
     return tuple(found)
 
 
@@ -123,24 +169,31 @@ def answer_rows(
     *,
     condition: str | None = None,
     trial: int | None = None,
+    numbers: Mapping[str, Asked] = MappingProxyType({}),
 ) -> tuple[SurveyAnswerRow, ...]:
     """The rows of checked answers, in the order given; blank ones leave no row.
 
-    `instrument_id` is a questionnaire or one of demographics, comprehension and debrief.
+    `instrument_id` is a questionnaire or one of demographics, comprehension and debrief. `numbers` are the items whose
+    answer is a number: what was typed stands beside the number that it is read as.
     """
-    return tuple(
-        SurveyAnswerRow(
-            participant=participant,
-            condition=condition,
-            trial=trial,
-            instrument=instrument_id,
-            item=item,
-            value=str(value),
-            answered_utc=utc,
+    rows = []
+    for item, value in answers.items():
+        if _is_blank(value):
+            continue
+        numeral = number_of(value, numbers[item])[0] if item in numbers and isinstance(value, str) else None
+        rows.append(
+            SurveyAnswerRow(
+                participant=participant,
+                condition=condition,
+                trial=trial,
+                instrument=instrument_id,
+                item=item,
+                value=str(value) if numeral is None else numeral,
+                answered_utc=utc,
+                typed=None if numeral is None else value,
+            )
         )
-        for item, value in answers.items()
-        if not _is_blank(value)
-    )
+    return tuple(rows)
 
 
 def score(questionnaire: str | Instrument, answers: Mapping[str, int]) -> float:

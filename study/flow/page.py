@@ -20,15 +20,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, Protocol, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from study.definition.study import Study
-from study.flow.answers import AnswerProblem
+from study.flow.answers import MAX_TEXT_CHARACTERS, AnswerProblem, unseen_problem
 from study.flow.eligibility import Check
 from study.flow.protocol import Ending, Event, EventName, Session, State
 from study.records import SurveyAnswerRow
 
-Text = Annotated[str, Field(max_length=4000)]
+
+def _readable(text: str) -> str:
+    problem = unseen_problem(text)
+    if problem:
+        raise ValueError(problem)
+    return text
+
+
+Text = Annotated[str, Field(max_length=MAX_TEXT_CHARACTERS), AfterValidator(_readable)]
+"""What is typed freely. It is taken as it stands, or refused."""
 Name = Annotated[str, Field(max_length=200)]
 Content: TypeAlias = Mapping[str, Any]
 """What a view needs, by name; it goes over the wire as JSON."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from study.flow.typed_number import numerals
 from tests.support.fake_lab import STATIC, FakeLab
 from tests.support.fake_pad import PS3_RAW_ID, FakePad
 from tests.support.fake_pages import CONTENT, alert, instruction, letter, session_row, tick
+from tests.support.typed_numbers import ALPHABET, READ, digits
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -606,7 +609,103 @@ def test_demographics_asks_for_what_is_required_and_leaves_the_rest(page: Page, 
     page.get_by_label(re.compile("Hours of games")).fill("3.5")
     page.get_by_test_id("demographics-submit").click()
     given = lab.wait_submit("demographics")["data"]["answers"]
-    assert given == {"age_group": "b", "gaming_experience": "weekly", "hours": 3.5}
+    assert given == {"age_group": "b", "gaming_experience": "weekly", "hours": "3.5"}
+
+
+def test_the_pages_read_numbers_as_the_lab_does(page: Page, lab: FakeLab) -> None:
+    opened(page, lab, "consent")
+    read = """async (all) => {
+      const { numerals } = await import("/static/common/typed_number.js");
+      return all.map(numerals);
+    }"""
+    rng = random.Random(1)
+    strings = ["".join(rng.choices(ALPHABET, k=rng.randint(1, 9))) for _ in range(3000)]
+    every = [*READ, *strings, *(f"{one}.5" for one in digits())]
+    assert sum(bool(numerals(one)) for one in strings) > 100
+    told = dict(zip(every, page.evaluate(read, every), strict=True))
+    assert told == {one: list(numerals(one)) for one in every}
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("12e", "“12e” is not a number. Please write it in digits alone"),
+        ("1-2", "“1-2” is not a number."),
+        ("1e400", "“1e400” is too large."),
+        ("1,234", "“1,234” could be 1234 or 1.234."),
+        (" ", "This holds blanks alone."),
+        ("-1", "“-1” is below 0, the least that is taken."),
+        ("169", "“169” is above 168, the most that is taken."),
+    ],
+)
+def test_a_number_is_never_changed_it_is_taken_or_refused_beside_it(
+    page: Page, lab: FakeLab, typed: str, said: str
+) -> None:
+    opened(page, lab, "demographics")
+    page.get_by_label("25 to 34").check()
+    page.get_by_label("Every week").check()
+    hours = page.get_by_label(re.compile("Hours of games"))
+    hours.press_sequentially(typed)
+    page.get_by_test_id("demographics-submit").click()
+    error = page.get_by_test_id("question-hours").locator(".field-error")
+    error.wait_for(state="visible")
+    assert said in error.inner_text()
+    assert hours.input_value() == typed
+    assert not lab.submits("demographics")
+    page.reload()
+    visible(page, "page-demographics")
+    assert hours.input_value() == typed
+    hours.fill("")
+    hours.press_sequentially("3,5")
+    page.get_by_test_id("demographics-submit").click()
+    assert lab.wait_submit("demographics")["data"]["answers"]["hours"] == "3,5"
+
+
+def test_words_are_sent_as_they_stand_and_too_many_are_not_cut_off(page: Page, lab: FakeLab) -> None:
+    lab.welcome["words_limit"] = 30
+    opened(page, lab, "demographics")
+    page.get_by_label("25 to 34").check()
+    page.get_by_label("Every week").check()
+    job = page.get_by_label(re.compile("What do you do"))
+    error = page.get_by_test_id("question-job").locator(".field-error")
+    for words, said in (("👍" * 31, "31 characters, and at most 30"), ("a\x1bb", "U+001B"), ("   ", "blanks alone")):
+        job.fill(words)
+        page.get_by_test_id("demographics-submit").click()
+        error.get_by_text(said).wait_for()
+        assert job.input_value() == words
+    words = f"  {'👍' * 26}  "
+    job.fill(words)
+    page.get_by_test_id("demographics-submit").click()
+    assert lab.wait_submit("demographics")["data"]["answers"]["job"] == words
+    page.get_by_test_id("help-button").click()
+    box = page.get_by_test_id("help-dialog").get_by_role("textbox")
+    box.fill("x" * 31)
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_test_id("help-dialog").get_by_text("31 characters, and at most 30").wait_for()
+    box.fill(" two\nlines ")
+    page.get_by_test_id("dialog-confirm").click()
+    assert lab.wait_submit("help")["data"] == {"text": " two\nlines "}
+
+
+def test_a_reading_that_is_no_number_stays_in_its_field_and_time_goes_on(page: Page, panel_lab: FakeLab) -> None:
+    page.goto(panel_lab.panel_url)
+    visible(page, "panel-locked")
+    page.locator("[data-testid=connection][data-state=open]").wait_for()
+    panel_lab.send(alert(1, elapsed_s=3.0), "panel")
+    field = page.get_by_test_id("alert-input")
+    field.wait_for()
+    assert field.get_attribute("inputmode") == "decimal"
+    for typed in ("58a.4", "582.4.", "5-8"):
+        field.fill(typed)
+        page.get_by_test_id("alert-submit").click()
+        page.get_by_text(f"“{typed}” is not a number. Type the number shown above.").wait_for()
+        assert field.input_value() == typed
+        assert field.evaluate("(element) => element === document.activeElement")
+    assert not panel_lab.submits("alert_answer")
+    page.get_by_test_id("alert-countdown").get_by_text(re.compile("^1[0-6] s left")).wait_for()
+    field.fill("\u200e ５８２，４0 ")
+    page.get_by_test_id("alert-submit").click()
+    assert panel_lab.wait_submit("alert_answer")["data"] == {"alert": 1, "value": "\u200e ５８２，４0 "}
 
 
 def test_a_survey_skips_nothing_silently_and_keeps_answers_over_a_reload(page: Page, lab: FakeLab) -> None:

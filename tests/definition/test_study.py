@@ -357,3 +357,19 @@ def test_what_cannot_be_planned_says_so(study: Study) -> None:
         reading(study, plan.trial(1), 0)
     with pytest.raises(StudyError, match="it has"):
         study.condition("autonomy")
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ('kind = "text"\nwhole = true', "must be left out with kind 'text'; only a number has it"),
+        ('kind = "text"\nleast = 1', "must be left out with kind 'text'"),
+        ('kind = "number"\nleast = 2\nmost = 1', "must be at most most, which is 1"),
+        ('kind = "number"\nmost = inf', "most = inf: must be"),
+        ('kind = "number"\nleast = "18"', 'least = "18": must be'),
+    ],
+)
+def test_bounds_of_a_number_question_that_cannot_be_are_told(keys: str, said: str) -> None:
+    before = '[[demographics]]\nid = "gender"'
+    found = problems(changed(before, f'[[demographics]]\nid = "x"\nprompt = "?"\n{keys}\n\n{before}'))
+    assert any(said in problem for problem in found), found

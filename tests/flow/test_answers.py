@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
 from study.flow.answers import (
+    MAX_TEXT_CHARACTERS,
     AnswerError,
     answer_rows,
     describe,
     instrument,
+    numbers_of,
     score,
     validate_answers,
     validate_comprehension,
@@ -22,6 +24,8 @@ from study.flow.answers import (
     validate_demographics,
     validate_surveys,
 )
+from study.flow.flow import HelpData
+from study.flow.page import Refused, parse
 from study.records import StudyError
 from tests.support.study_samples import shipped_study
 
@@ -130,10 +134,121 @@ def test_demographics_of_other_kinds(study: Study) -> None:
     )
     assert validate_demographics(items, {"years": 3.5}) == ()
     assert validate_demographics(items, {"years": 3, "job": "pilot"}) == ()
-    for years in ("3", float("nan"), True, [3]):
+    for years in ("three", float("nan"), True, [3]):
         assert fields(validate_demographics(items, {"years": years})) == ["answers.years"]
     assert fields(validate_demographics(items, {"years": 3, "job": 7})) == ["answers.job"]
     assert fields(validate_demographics(items, {"years": 3, "job": "x" * 4001})) == ["answers.job"]
+
+
+def asking(study: Study, **item: object) -> Study:
+    """The study with one question about the person, and one in free words at its end."""
+    changed = {"id": "asked", "prompt": "?", **item}
+    texts = {**study.model_dump()["texts"], "debrief_questions": [{"id": "comments", "prompt": "?"}]}
+    return study.model_validate({**study.model_dump(), "demographics": [changed], "texts": texts})
+
+
+@pytest.mark.parametrize(
+    ("typed", "numeral"),
+    [
+        ("3,5", "3.5"),
+        ("٣٫٥", "3.5"),
+        (" 3.50 ", "3.50"),
+        ("007", "7"),
+        ("\N{MINUS SIGN}1", "-1"),
+        ("1,234.5", "1234.5"),
+        ("1e3", "1e3"),
+    ],
+)
+def test_a_number_is_recorded_as_it_is_read_beside_what_was_typed(study: Study, typed: str, numeral: str) -> None:
+    asked = asking(study, kind="number")
+    assert validate_demographics(asked, {"asked": typed}) == ()
+    (row,) = answer_rows("P001", "demographics", {"asked": typed}, UTC, numbers=numbers_of(asked))
+    assert (row.value, row.typed) == (numeral, typed)
+    (row,) = answer_rows("P001", "demographics", {"asked": 3.5}, UTC, numbers=numbers_of(asked))
+    assert (row.value, row.typed) == ("3.5", None)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "typed", "said"),
+    [
+        ({}, "12e", "not a number"),
+        ({}, "1-2", "not a number"),
+        ({}, "1e400", "too large"),
+        ({}, "1" * 101, "not a number"),
+        ({}, "1,234", "could be 1234 or 1.234"),
+        ({}, "  ", "not a number"),
+        ({"whole": True}, "3,5", "not a whole number"),
+        ({"whole": True}, 3.5, "not a whole number"),
+        ({"least": 18}, "17", "below 18"),
+        ({"most": 99}, "1e3", "above 99"),
+        ({"most": 99}, 100, "above 99"),
+    ],
+)
+def test_a_number_that_cannot_be_taken_is_refused_in_words(
+    study: Study, bounds: dict[str, Any], typed: object, said: str
+) -> None:
+    for required in (True, False):
+        asked = asking(study, kind="number", required=required, **bounds)
+        (problem,) = validate_demographics(asked, {"asked": typed})
+        assert problem.field == "answers.asked"
+        assert said in problem.message
+
+
+WORDS = [
+    " both ends ",
+    "two\nlines\ttab",
+    "👩🏽‍🚀 e\u0301 \u202eבא\u202c",
+    "NA",
+    "=1+1",
+    "'",
+    '"',
+    ",",
+    "007",
+    "a\u2028b",
+    "-",
+]
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_words_are_recorded_as_they_were_typed(study: Study, words: str) -> None:
+    asked = asking(study, kind="text")
+    assert validate_demographics(asked, {"asked": words}) == ()
+    assert validate_debrief(asked, {"comments": words}) == ()
+    for where, item in (("demographics", "asked"), ("debrief", "comments")):
+        (row,) = answer_rows("P001", where, {item: words}, UTC, numbers=numbers_of(asked))
+        assert (row.value, row.typed) == (words, None)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("x" * (MAX_TEXT_CHARACTERS + 1), f"has {MAX_TEXT_CHARACTERS + 1} characters; at most {MAX_TEXT_CHARACTERS}"),
+        ("a\0b", "U+0000"),
+        ("a\rb", "U+000D"),
+        ("a\x1bb", "U+001B"),
+        ("a\x85b", "U+0085"),
+        ("a\ud800b", "U+D800"),
+    ],
+)
+def test_words_that_cannot_be_kept_as_they_are_are_refused(study: Study, words: str, said: str) -> None:
+    asked = asking(study, kind="text", required=False)
+    for problems in (validate_demographics(asked, {"asked": words}), validate_debrief(asked, {"comments": words})):
+        assert [said in problem.message for problem in problems] == [True]
+    with pytest.raises(Refused):
+        parse(HelpData, {"text": words})  # as everything else that is typed freely
+
+
+def test_blanks_alone_are_no_words(study: Study) -> None:
+    for blank in (" ", "\n\t", "\N{NO-BREAK SPACE}"):
+        for required in (True, False):
+            asked = asking(study, kind="text", required=required)
+            assert fields(validate_demographics(asked, {"asked": blank})) == ["answers.asked"]
+        assert fields(validate_debrief(asking(study), {"comments": blank})) == ["answers.comments"]
+
+
+def test_the_longest_words_fit_whatever_they_are_made_of(study: Study) -> None:
+    for character in ("x", "é", "👍"):
+        assert validate_debrief(asking(study), {"comments": character * MAX_TEXT_CHARACTERS}) == ()
 
 
 def test_a_wrong_comprehension_answer_is_named_without_telling_the_right_one(study: Study) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +18,11 @@ UTC = "2026-01-01T00:00:00+00:00"
 
 
 def reading(alert: int) -> Stimulus:
-    return Stimulus(f"{100 + alert}.5")
+    return Stimulus(f"{100 + alert}.5", entry="number")
+
+
+def _shown(text: str, alert: int) -> Stimulus:
+    return Stimulus(text, entry="number")
 
 
 def start(**changes: object) -> DistractorState:
@@ -57,15 +63,76 @@ def test_a_shorter_time_to_answer_ends_it_earlier() -> None:
     assert state.open_alert is None
 
 
+ALL_ALIKE = [
+    "101.5",
+    " 101,5 ",
+    "101.50",
+    "0101.5",
+    "+101.5",
+    "１０１．５",
+    "１０１，５",
+    "101。5",
+    "١٠١٫٥",
+    "۱۰۱٫۵",
+    "۱۰۱،۵",
+    "१०१.५",
+    "၁၀၁.၅",
+    "\N{MATHEMATICAL DOUBLE-STRUCK DIGIT ONE}01.5",
+    "\u200e101.5\u200f",
+    "\u2066101.5\u2069",
+    "1\u200d01.5",
+    "101.5\ufeff",
+    "101.5\N{NO-BREAK SPACE}",
+    "\N{NARROW NO-BREAK SPACE}101.5",
+    "1015e-1",
+]
+
+
 @pytest.mark.parametrize(
-    ("typed", "correct"), [("101.5", 1), (" 101,5 ", 1), ("101.6", 0), ("1015", 0), ("x" * 100, 0)]
+    ("typed", "correct"),
+    [
+        *((typed, 1) for typed in ALL_ALIKE),
+        ("101.6", 0),
+        ("1015", 0),
+        ("-101.5", 0),
+        ("1,015", 0),
+        ("101.5000000000000000000001", 0),
+    ],
 )
 def test_an_answer_is_recorded_as_typed_and_judged(typed: str, correct: int) -> None:
     state, result = at(start(), 12.0).answer(1, typed, 12.0, UTC)
     row = state.row(state.alerts[0], "P001", "balanced", 2)
     assert result == "accepted"
     assert (row.status, row.correct, row.answered_trial_s, row.answered_utc) == ("answered", correct, 12.0, UTC)
-    assert row.answer == typed.strip()[:40]
+    assert row.answer == typed
+
+
+@pytest.mark.parametrize(
+    ("typed", "result"),
+    [
+        ("", "empty"),
+        (" \N{NO-BREAK SPACE}", "empty"),
+        ("1" * 41, "too_long"),
+        ("101.5\0", "unreadable"),
+        ("101.5\x1b", "unreadable"),
+        *((typed, "no_number") for typed in ("abc", "101.5.", "101..5", "1o1.5", "10¹.5", "101½", "١٠١.٥٫", "\u200e")),
+    ],
+)
+def test_what_is_no_reading_is_refused_and_nothing_is_recorded(typed: str, result: str) -> None:
+    state = at(start(), 12.0)
+    assert state.answer(1, typed, 12.0, UTC) == (state, result)
+
+
+def test_a_mark_that_may_be_of_either_kind_counts_for_the_reading_that_is_shown() -> None:
+    for shown, typed in (
+        ("1.234", "1,234"),
+        ("1234", "1,234"),
+        ("1234567.8", "1,234,567.8"),
+        ("1234567.8", "1 234 567,8"),
+    ):
+        state, _ = start().advance(10.0, partial(_shown, shown))
+        answered, result = state.answer(1, typed, 12.0, UTC)
+        assert (result, answered.alerts[0].correct, answered.alerts[0].answer) == ("accepted", True, typed)
 
 
 def test_answers_that_cannot_count_change_nothing() -> None:
@@ -135,6 +202,7 @@ def test_the_state_comes_back_from_its_rows() -> None:
     state = at(state, 52.0)
     rows = [state.row(alert, "P001", "balanced", 1) for alert in state.alerts]
     assert from_rows(state.distractor, 7, reversed(rows)) == state
+    assert [one.stimulus.entry for one in from_rows(state.distractor, 7, rows).alerts] == ["number"] * 3
     with pytest.raises(StudyError, match="found 3, expected 2"):
         from_rows(state.distractor, 7, [rows[0], rows[2]])
 

@@ -179,6 +179,7 @@ export interface RosterLine {
 export interface RosterReply {
   title: string;
   withdrawal: "keep" | "erase";
+  words_limit: number;
   recruitment: RecruitmentReply;
   grid: Array<GridReply>;
   counts: Record<string, number>;

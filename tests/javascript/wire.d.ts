@@ -104,6 +104,7 @@ export interface Alert {
   answer_within_s: number;
   away_min_s: number;
   prompt: string | null;
+  entry: "text" | "number";
   choices: Array<AlertChoice>;
   right_answer: string | null;
 }
@@ -213,6 +214,7 @@ export interface Welcome {
   show_assistance: boolean;
   last_seq: number;
   demo: boolean;
+  words_limit: number;
   stimuli: StimulusWords | null;
 }
 

@@ -294,13 +294,15 @@ async def test_answers_that_are_empty_unknown_duplicate_or_late(quick_lab: LabSe
     async with visit(made["link"]) as player:
         await player.reach_trial()
         first = await until_reading(player)
-        for value in ("", "   ", None):
+        assert first.entry == "number"
+        for value in ("", "   ", None, "abc", "4 8", "1" * 41, "5\0", "x" * 5000):
             assert (await player.refused("alert_answer", {"alert": 1, "value": value})).field == "data.value"
         for number in (2, 10**30):
             assert (await player.refused("alert_answer", {"alert": number, "value": "1"})).field == "data.alert"
         for wrong, field in (({"value": "1"}, "alert"), ({"alert": "x"}, "alert"), ({"alert": 1, "v": 1}, "v")):
             assert (await player.refused("alert_answer", wrong)).field == f"data.{field}"
-        await player.done("alert_answer", {"alert": 1, "value": first.reading})
+        typed = f" \u200e0{first.reading.replace('.', ',')}0"
+        await player.done("alert_answer", {"alert": 1, "value": typed})
         await player.done("alert_answer", {"alert": 1, "value": "999.9"})  # taken note of, changes nothing
         for _ in range(40):
             await player.tick()
@@ -314,9 +316,9 @@ async def test_answers_that_are_empty_unknown_duplicate_or_late(quick_lab: LabSe
     results = [data["result"] for _, data in events(quick_lab, made["participant"], "alert_answer")]
     assert results == ["accepted", "duplicate", "late"]
     rows = alerts(quick_lab, made["participant"])
-    assert [(row.status, row.answer, row.due_trial_s) for row in rows[:2]] == [
-        ("answered", first.reading, 10.0),
-        ("expired", None, 30.0),
+    assert [(row.status, row.answer, row.correct, row.due_trial_s) for row in rows[:2]] == [
+        ("answered", typed, 1, 10.0),
+        ("expired", None, None, 30.0),
     ]
 
 

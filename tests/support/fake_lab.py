@@ -32,6 +32,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from app.web.participant_views import with_views
 from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE
+from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.flow import FLOW
 from tests.support.fake_pages import CONTENT, ENDS, NEXT
 
@@ -66,6 +67,7 @@ class FakeLab:
             "show_assistance": False,
             "last_seq": 0,
             "demo": True,
+            "words_limit": MAX_TEXT_CHARACTERS,
             "stimuli": stimuli,
         }
         self.content: dict[str, Message] = dict(CONTENT)
@@ -150,6 +152,9 @@ class FakeLab:
 
     def wait_submit(self, step: str, *, after: int = 0) -> Message:
         return self.wait_for(lambda message: message["type"] == "submit" and message["step"] == step, after=after)
+
+    def submits(self, step: str) -> list[Message]:
+        return [message for message in self.received if message["type"] == "submit" and message["step"] == step]
 
     def inputs(self, *, after: int = 0) -> list[Message]:
         return [message for message in self.received[after:] if message["type"] == "input"]

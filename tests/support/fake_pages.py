@@ -79,6 +79,7 @@ def alert(number: int = 1, reading: str = "582.4", elapsed_s: float = 0.0) -> Me
         "type": "alert",
         "alert": number,
         "reading": reading,
+        "entry": "number",
         "elapsed_s": elapsed_s,
         "answer_within_s": 20.0,
         "away_min_s": 5.0,
@@ -89,7 +90,7 @@ def letter(number: int = 1, text: str = "K", elapsed_s: float = 0.0) -> Message:
     """A letter of N-back, as `study.flow.distractors.nback` asks about it."""
     choices = [{"id": "same", "label": "Same", "key": "1"}, {"id": "different", "label": "Different", "key": "2"}]
     prompt = "Is this letter the same as the one 2 before?"
-    return {**alert(number, text, elapsed_s), "prompt": prompt, "choices": choices}
+    return {**alert(number, text, elapsed_s), "entry": "text", "prompt": prompt, "choices": choices}
 
 
 def _driving(kind: str, thing: str, tasks: int, running: bool) -> Message:
@@ -153,7 +154,15 @@ CONTENT: dict[str, Message] = {
                 "required": True,
                 "options": _choices(never="Never", weekly="Every week", daily="Every day or almost"),
             },
-            {"id": "hours", "prompt": "Hours of games a week", "kind": "number", "options": [], "required": False},
+            {
+                "id": "hours",
+                "prompt": "Hours of games a week",
+                "kind": "number",
+                "options": [],
+                "required": False,
+                "least": 0,
+                "most": 168,
+            },
             {"id": "job", "prompt": "What do you do?", "kind": "text", "options": [], "required": False},
         ]
     },

@@ -15,6 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin
 
 from app.wire import Heartbeat, Notice
+from study.flow.answers import MAX_TEXT_CHARACTERS
 from tests.support.dashboard_client import Line, dashboard, socket_url
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import MESSAGE_WITHIN_S, Player, command, events, invite, read, visit
@@ -231,7 +232,7 @@ async def test_notes_marks_and_messages_are_events_with_who_and_what(quick_lab: 
         assert (await say(quick_lab, participant, "note", {"text": "afterwards"})).status_code == 200
     told = read(quick_lab, participant, "note", "message", "task_marked")
     assert told == [
-        ("note", {"by": "experimenter", "text": text}),
+        ("note", {"by": "experimenter", "text": f"  {text} "}),
         ("message", {"by": "experimenter", "text": text}),
         ("task_marked", {"by": "experimenter", "text": "slipped", "task": 1, "kind": "pickup"}),
         ("note", {"by": "experimenter", "text": "afterwards"}),
@@ -283,7 +284,18 @@ async def test_a_call_for_help_stays_until_somebody_has_seen_it(quick_lab: LabSe
         assert again.status_code == 409 and "does not ask" in again.json()["detail"]
 
 
-@pytest.mark.parametrize("body", [{}, {"text": ""}, {"text": "   "}, {"text": "x" * 2001}, {"words": "x"}, []])
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"text": ""},
+        {"text": "   "},
+        {"text": "x" * (MAX_TEXT_CHARACTERS + 1)},
+        {"text": "a\0b"},
+        {"words": "x"},
+        [],
+    ],
+)
 async def test_a_remark_without_words_is_refused(quick_lab: LabServer, body: Any) -> None:
     participant = invite(quick_lab)["participant"]
     for path in ("note", "mark", "message"):

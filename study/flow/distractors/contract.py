@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
-from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS, MAX_TEXT_CHARACTERS, Distractor, Stimulus, Words
+from study.flow.distractors.interface import (
+    MAX_ANSWER_CHARACTERS,
+    MAX_TEXT_CHARACTERS,
+    Distractor,
+    Entry,
+    Stimulus,
+    Words,
+)
 from study.parts.errors import one_line
 
 TRIED = 12
@@ -53,7 +60,8 @@ def _stimuli_problem(distractor: Distractor[Any]) -> str | None:
             return f"the right answer {right!r} to stimulus {number} must be 1 to {MAX_ANSWER_CHARACTERS} characters"
         if not stimulus.takes(right):
             ids = ", ".join(choice.id for choice in stimulus.choices)
-            return f"the right answer {right!r} to stimulus {number} is none of its choices: {ids}"
+            kind = f"none of its choices: {ids}" if stimulus.choices else "no number, which its entry asks for"
+            return f"the right answer {right!r} to stimulus {number} is {kind}"
         if not distractor.is_right(right, tuple(shown)):
             return f"its own right answer {right!r} to stimulus {number} does not count as right"
     return None
@@ -66,6 +74,8 @@ def _stimulus_problem(stimulus: object) -> str | None:
         return f"shows {stimulus.text!r}; it must be a text of 1 to {MAX_TEXT_CHARACTERS} characters"
     if not isinstance(stimulus.prompt, str) or len(stimulus.prompt) > MAX_PROMPT_CHARACTERS:
         return f"has the prompt {stimulus.prompt!r}; it must be a text of at most {MAX_PROMPT_CHARACTERS} characters"
+    if stimulus.entry not in get_args(Entry):
+        return f"has the entry {stimulus.entry!r}; choices are {', '.join(get_args(Entry))}"
     choices = stimulus.choices
     if not isinstance(choices, tuple) or len(choices) == 1 or len(choices) > MAX_CHOICES:
         return f"has the choices {choices!r}; they must be none (the answer is typed), or a tuple of 2 to {MAX_CHOICES}"

@@ -10,7 +10,7 @@ function of the participant's seed, the trial and the stimulus's number, so that
 
         def stimulus(self, seed, trial, number):
             first, second = stimulus_rng(seed, trial, number).integers(10, 90, size=2)
-            return Stimulus(f"{first} + {second}", "Type the sum, then press Enter")
+            return Stimulus(f"{first} + {second}", "Type the sum, then press Enter", entry="number")
 
         def right_answer(self, stimuli):
             return str(sum(int(part) for part in stimuli[-1].text.split(" + ")))
@@ -20,22 +20,34 @@ The pages draw any kind from the data of its stimuli: nothing is added to `stati
 
 from __future__ import annotations
 
+import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
 from study.definition.sections import DistractorSettings
 from study.definition.study import stimulus_rng
+from study.flow.typed_number import numerals, same_number
 
-__all__ = ["MAX_ANSWER_CHARACTERS", "MAX_TEXT_CHARACTERS", "Choice", "Distractor", "Stimulus", "Words", "stimulus_rng"]
+__all__ = [
+    "MAX_ANSWER_CHARACTERS",
+    "MAX_TEXT_CHARACTERS",
+    "Choice",
+    "Distractor",
+    "Entry",
+    "Stimulus",
+    "Words",
+    "stimulus_rng",
+]
 
 MAX_TEXT_CHARACTERS = 40
 """Of what is shown: it is drawn large enough to be read from two metres away."""
 MAX_ANSWER_CHARACTERS = 40
 
+Entry = Literal["text", "number"]
 ParametersType = TypeVar("ParametersType")
 
 
@@ -69,10 +81,14 @@ class Stimulus:
     """What to do with it, in one line."""
     choices: tuple[Choice, ...] = ()
     """What can be chosen; empty = the answer is typed."""
+    entry: Entry = "text"
+    """What is typed. With `number`, the page takes nothing else, and numbers are compared: `0482,10` is `482.1`."""
 
     def takes(self, answer: str) -> bool:
         """Whether this can be an answer at all, right or wrong."""
-        return not self.choices or answer in [choice.id for choice in self.choices]
+        if self.choices:
+            return answer in [choice.id for choice in self.choices]
+        return self.entry == "text" or bool(numerals(answer))
 
 
 class Distractor(ABC, Generic[ParametersType]):
@@ -109,8 +125,12 @@ class Distractor(ABC, Generic[ParametersType]):
 
     def is_right(self, answer: str, stimuli: Sequence[Stimulus]) -> bool:
         """Whether the answer to the last of these stimuli counts as right: unless the kind says otherwise, it has to
-        be the right answer, with capitals as small letters."""
-        return answer.strip().casefold() == self.right_answer(stimuli).strip().casefold()
+        be the same number, or the same text with capitals as small letters, full-width forms as plain ones, and
+        without marks that nobody sees."""
+        right = self.right_answer(stimuli)
+        if stimuli[-1].entry == "number" and not stimuli[-1].choices:
+            return any(same_number(answer, numeral) for numeral in numerals(right)[:1])
+        return _compared(answer) == _compared(right)
 
     # ---- as a simulated person answers --------------------------------------------------------------------------
 
@@ -124,3 +144,9 @@ class Distractor(ABC, Generic[ParametersType]):
         if others:
             return others[int(rng.integers(len(others)))]
         return right if stimuli[-1].choices else right + str(int(rng.integers(10)))
+
+
+def _compared(text: str) -> str:
+    """A text as it is compared."""
+    seen = "".join(one for one in text if unicodedata.category(one) != "Cf")
+    return unicodedata.normalize("NFKC", seen).strip().casefold()

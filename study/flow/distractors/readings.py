@@ -28,7 +28,7 @@ class ReadingParameters:
 
 
 class Readings(Distractor[ReadingParameters]):
-    """Numbers such as `482.1`. A decimal comma is a point."""
+    """Numbers such as `482.1`, compared as numbers: however they are typed."""
 
     Parameters = ReadingParameters
     words = Words("reading", "readings")
@@ -38,15 +38,11 @@ class Readings(Distractor[ReadingParameters]):
         digits, decimals = self.parameters.digits, self.parameters.decimals
         text = str(stimulus_rng(seed, trial, number).integers(10 ** (digits - 1), 10**digits))
         point = digits - decimals
-        return Stimulus(f"{text[:point]}.{text[point:]}" if decimals else text)
+        return Stimulus(f"{text[:point]}.{text[point:]}" if decimals else text, entry="number")
 
     def right_answer(self, stimuli: Sequence[Stimulus]) -> str:
         """The reading itself."""
         return stimuli[-1].text
-
-    def is_right(self, answer: str, stimuli: Sequence[Stimulus]) -> bool:
-        """Whether the typed value equals the reading."""
-        return _plain(answer) == _plain(stimuli[-1].text)
 
     def simulated_answer(self, stimuli: Sequence[Stimulus], error_rate: float, rng: np.random.Generator) -> str:
         """The reading, at the rate of errors with one wrong digit."""
@@ -55,8 +51,3 @@ class Readings(Distractor[ReadingParameters]):
         if rng.random() < error_rate and text[digit].isdigit():
             return text[:digit] + str((int(text[digit]) + int(rng.integers(1, 10))) % 10) + text[digit + 1 :]
         return text
-
-
-def _plain(value: str) -> str:
-    """A typed number as it is compared: no surrounding space, a decimal comma is a point."""
-    return value.strip().replace(",", ".")

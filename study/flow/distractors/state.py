@@ -12,6 +12,7 @@ On one screen (`same_page_away`) the pad is ignored from the moment an alert app
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,10 +23,13 @@ from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS, Distractor, 
 from study.records import AlertRow, StudyError
 
 AlertStatus = Literal["open", "answered", "expired", "trial_ended"]
-AnswerResult = Literal["accepted", "late", "duplicate", "unknown", "empty", "no_choice"]
+AnswerResult = Literal[
+    "accepted", "late", "duplicate", "unknown", "empty", "too_long", "unreadable", "no_choice", "no_number"
+]
 """`late`: the alert was closed without an answer. `duplicate`: it had one already, and that one stays.
-`unknown`: no such alert was raised. `empty`: nothing was typed. `no_choice`: there are choices, and it is none of
-them. Only `accepted` changes anything."""
+`unknown`: no such alert was raised. `empty`: nothing was typed. `too_long`: it has more characters
+than an answer may have. `unreadable`: control characters are in it. `no_choice`: there are choices, and it is none of
+them. `no_number`: a number is asked for. Only `accepted` changes anything."""
 
 
 @dataclass(frozen=True)
@@ -110,23 +114,28 @@ class DistractorState:
         return self.deadline_s(waiting.alert) if waiting else self.due_s(len(self.alerts) + 1)
 
     def answer(self, number: int, value: str, trial_s: float, utc: str) -> tuple[DistractorState, AnswerResult]:
-        """Log what was typed. Anything but `accepted` leaves the state as it is (see `AnswerResult`)."""
-        alert, typed = self.alert(number), value.strip()[:MAX_ANSWER_CHARACTERS]
+        """Log what was typed, as it was typed. Anything but `accepted` leaves the state as it is (see
+        `AnswerResult`)."""
+        alert = self.alert(number)
         if alert is None:
             return self, "unknown"
         if alert.status == "answered":
             return self, "duplicate"
         if alert.status != "open" or self.is_over or trial_s >= self.deadline_s(number):
             return self, "late"
-        if not typed:
+        if not value.strip():
             return self, "empty"
-        if not alert.stimulus.takes(typed):
-            return self, "no_choice"
+        if len(value) > MAX_ANSWER_CHARACTERS:
+            return self, "too_long"
+        if any(unicodedata.category(one) in ("Cc", "Cs") for one in value):
+            return self, "unreadable"
+        if not alert.stimulus.takes(value):
+            return self, "no_choice" if alert.stimulus.choices else "no_number"
         answered = replace(
             alert,
             status="answered",
-            answer=typed,
-            correct=self.distractor.is_right(typed, self.stimuli(number)),
+            answer=value,
+            correct=self.distractor.is_right(value, self.stimuli(number)),
             answered_trial_s=trial_s,
             answered_utc=utc,
         )

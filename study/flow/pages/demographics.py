@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study.definition.study import Study
-from study.flow.answers import answer_rows, validate_demographics
+from study.flow.answers import answer_rows, numbers_of, validate_demographics
 from study.flow.page import (
     AnswersData,
     Content,
@@ -38,8 +38,10 @@ def scripted(content: Content, person: Person) -> HandedIn:
 def _follow(context: StepContext, data: AnswersData) -> Outcome:
     answers = data.answers
     check(validate_demographics(context.study, answers))
-    participant = context.session.participant
-    return Outcome(Event("demographics_done"), answers=answer_rows(participant, "demographics", answers, context.utc))
+    rows = answer_rows(
+        context.session.participant, "demographics", answers, context.utc, numbers=numbers_of(context.study)
+    )
+    return Outcome(Event("demographics_done"), answers=rows)
 
 
 PAGE = FlowPage(
