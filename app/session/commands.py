@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from app.errors import LabError
 from study.flow.flow import FLOW, Flow
-from study.flow.protocol import EventName, Session
+from study.flow.protocol import CLEARS, EventName, Session
 
 CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
 RemarkName = Literal["note", "task_marked", "message", "help_seen"]
@@ -63,6 +63,8 @@ class Circumstances:
     """The robot is in place."""
     lacks_panel: bool = False
     """The second task would appear on a second device that nobody has opened."""
+    lacks_picture: bool = False
+    """The participant's page says that it draws no robot."""
     help_wanted: bool = False
     flow: Flow = FLOW
 
@@ -89,6 +91,12 @@ def refuse_unless(act: ActName, now: Circumstances) -> None:
     raise NotNow(reason + instead)
 
 
+_NO_PICTURE = (
+    "The picture of the robot is missing on the participant's screen; it goes on by itself when that is back. Let them "
+    "reload the page, or open their link in another browser."
+)
+
+
 def _start(now: Circumstances) -> str:
     session = now.session
     if session.state == "paused":
@@ -101,6 +109,8 @@ def _start(now: Circumstances) -> str:
         return "The participant's page is not connected: nobody could drive."
     if now.lacks_panel:
         return "The second device is not connected. Open its link there first, and press its button."
+    if now.lacks_picture:
+        return _NO_PICTURE
     return "" if now.ready else "The robot is not in place yet."
 
 
@@ -111,7 +121,9 @@ def _pause(now: Circumstances) -> str:
 def _resume(now: Circumstances) -> str:
     if now.session.state != "paused":
         return "The session is not paused."
-    if not now.session.causes & {"experimenter", "fault"}:
+    if now.lacks_picture and now.session.causes == {"picture"}:
+        return _NO_PICTURE
+    if not now.session.causes & CLEARS["experimenter_resume"]:
         return "The participant's connection was lost: they press Go on themselves."
     return ""
 

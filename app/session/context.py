@@ -108,6 +108,11 @@ class SessionContext:
         self.history.forget_ticks()
         await self.link.stop()
 
+    @property
+    def has_scene(self) -> bool:
+        """Whether the robot is drawn: without a scene nobody misses its picture."""
+        return self.services.config.scene and self.enrolment.pace == "real_time"
+
     def lacks_panel(self) -> bool:
         """Whether a trial is next and its alerts would appear on a second device that nobody has opened."""
         distractor = self.services.study.distractor
@@ -130,7 +135,7 @@ class SessionContext:
         shown = pages.instruction(view, self.services.labels, practice) if view is not None else None
         context = PageContext(
             study=self.services.study,
-            scene_path=f"/s/{self.enrolment.public_id}/scene/",
+            scene_path=f"/s/{self.enrolment.public_id}/scene/" if self.has_scene else "",
             panel_link=self.panel_link,
             instruction=shown.model_dump() if shown else None,
             worker_ready=self.link.ready,

@@ -89,6 +89,8 @@ class Vitals:
     help_wanted: bool = False
     sound: bool | None = None
     """Whether the participant heard the test sound; None before they were asked."""
+    picture: bool | None = None
+    """Whether their page draws the robot; None before it said so."""
 
 
 @dataclass(frozen=True)

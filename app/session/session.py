@@ -171,6 +171,7 @@ class LiveSession:
             connected=self.connected,
             ready=self._link.ready,
             lacks_panel=context.lacks_panel(),
+            lacks_picture=context.vitals.picture is False,
             help_wanted=context.vitals.help_wanted,
             flow=context.services.flow,
         )
@@ -284,6 +285,7 @@ class LiveSession:
         self._connections.welcome(client, context.last_seq)
         client.deliver(context.page() if client.role == "participant" else panel_page(context.session))
         if client.role == "participant":
+            context.vitals.picture = None  # of the page before
             context.measure()
         status = context.status()
         if status is not None:

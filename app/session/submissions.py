@@ -101,6 +101,8 @@ class Submissions:
         events = (context.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":
             context.vitals.help_wanted = True
+        elif message.step == "picture":
+            context.vitals.picture = bool(message.data.get("there"))
         elif message.step == "setup":
             context.vitals.sound = bool(message.data.get("sound"))
         batch = Batch(
@@ -117,6 +119,8 @@ class Submissions:
         if message.step == "start" and context.lacks_panel():
             text = "The second device is not connected. Open its link there first, and press its button."
             raise Refused("illegal", ("panel", text))
+        if message.step == "start" and context.vitals.picture is False:
+            raise Refused("illegal", ("picture", "The picture of the robot is missing on this screen."))
         if message.step == "start" and context.session.worker and not context.link.ready:
             raise Refused("illegal", ("step", "the robot is not ready yet"))
         await self._transitions.advance(outcome.event, batch, on_disk=lambda: acknowledge(client, message.id))

@@ -62,6 +62,8 @@ class LiveReply(SessionReply):
     """Whether the page has the focus; null while it is away."""
     sound: bool | None
     """Whether the participant heard the test sound; null before they were asked."""
+    picture: bool | None
+    """Whether the participant's page draws the robot; null before it said so."""
     instruction: str | None
     """The current task as a sentence; null without one."""
     scene: str
@@ -112,6 +114,7 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
         visible=live.vitals.visible if connected and live else None,
         focused=live.vitals.focused if connected and live else None,
         sound=live.vitals.sound if live else None,
+        picture=live.vitals.picture if live else None,
         instruction=instruction(view, live.labels, practice).text if live and view else None,
         scene=_no_scene(lab, stored, session, live),
     )

@@ -116,6 +116,27 @@ _SCRIPT = """
 })();
 """
 
+# Whether there is a picture at all: some browsers draw no 3-D graphics, and any may stop to.
+_PICTURE_SCRIPT = """
+(() => {
+  "use strict";
+  const tell = (drawn, why) => {
+    if (window.parent !== window) window.parent.postMessage({ type: "picture", drawn, why }, location.origin);
+  };
+  const getContext = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...wishes) {
+    const context = getContext.call(this, kind, ...wishes);
+    if (!String(kind).startsWith("webgl")) return context;
+    if (context) {
+      this.addEventListener("webglcontextlost", () => tell(false, "context_lost"));
+      this.addEventListener("webglcontextrestored", () => tell(true, null));
+      tell(true, null);
+    } else tell(false, "no_webgl");
+    return context;
+  };
+})();
+"""
+
 # The participant's camera is the study's: no key or pointer reaches the client. Keys that land here go to the page
 # around.
 _FIXED_SCRIPT = """
@@ -190,7 +211,7 @@ def patched(html: str, steered: bool = False) -> str:
     before, head, after = html.partition("<head>")
     if not head:
         raise SceneError("viser's client page has no <head>; this version of viser is not known to the lab")
-    script = _SCRIPT + (_STEERED_SCRIPT if steered else _FIXED_SCRIPT)
+    script = _SCRIPT + _PICTURE_SCRIPT + (_STEERED_SCRIPT if steered else _FIXED_SCRIPT)
     style = _LOOK + ("" if steered else _FIXED_LOOK)
     return f"{before}{head}<script>{script}</script><style>{style}</style>{after}"
 

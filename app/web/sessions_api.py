@@ -82,7 +82,7 @@ class SessionReply(BaseModel):
     place: str
     """The state, or while paused the one that will be resumed."""
     causes: list[str]
-    """Why it is paused: `connection`, `experimenter`, `fault`; empty otherwise."""
+    """Why it is paused: `connection`, `experimenter`, `fault`, `picture`; empty otherwise."""
     pause_reason: str | None
     """While it is paused for a fault: which part of the lab did what."""
     trial: int

@@ -41,7 +41,12 @@ const LEVELS = {
   screened_out: ["hand", "warn"],
 };
 /** @type {Record<string, string>} */
-const CAUSES = { connection: "connection lost", experimenter: "by the experimenter", fault: "the arbiter failed" };
+const CAUSES = {
+  connection: "connection lost",
+  experimenter: "by the experimenter",
+  fault: "the arbiter failed",
+  picture: "no picture of the robot on their screen",
+};
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
 const BUTTONS = COMMANDS.filter(({ name }) => ["pause", "resume", "abort"].includes(name)); // the others are on the page of the session
@@ -67,6 +72,7 @@ export function stateWords(state) {
 function connectionOf(session) {
   if (OVER.has(session.state)) return ["check", "–", ""];
   if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
+  if (session.connected && session.picture === false) return ["warning", "Their browser shows no robot", "bad"];
   const trip = session.round_trip_ms !== null ? ` · ${Math.round(session.round_trip_ms)} ms` : "";
   if (session.connected) return ["check", `Connected${trip}`, "good"];
   return ["lost", "Not connected", session.state === "consent" || session.state === "eligibility" ? "" : "bad"];

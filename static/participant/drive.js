@@ -7,15 +7,16 @@ import { wordsFor } from "../readings/words.js";
 import { legendFor } from "./controls.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
+import { PictureReport } from "./picture_report.js";
 import { Scene } from "./scene.js";
+import { StateSign } from "./state_sign.js";
 import { view as pausedView } from "./views/paused.js";
 
 /** @import { Instruction, Status, Tick } from "../../tests/javascript/wire.d.ts" */
-/** @import { IconName } from "../common/dom.js" */
 /** @import { CameraView } from "./scene.js" */
 /** @import { Context, PageOf, View } from "./view.js" */
-/** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "ready" | Tick["status"]} Sign */
 /** @import { Look } from "./picture.js" */
+/** @import { Sign } from "./state_sign.js" */
 /**
  * @typedef {object} Driving
  * @property {string} scene
@@ -26,21 +27,8 @@ import { view as pausedView } from "./views/paused.js";
  * @property {Record<string, Look>} [looks] with a layout of the study's own: how its objects and bins are drawn, by id
  */
 /** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
-/** @typedef {PageOf<Driving & { can_resume: boolean, text: string }, "paused">} PausedPage */
+/** @typedef {PageOf<Driving & { can_resume: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
-/** @type {Record<Sign, [sign: IconName, text: string, hint: string]>} */
-const SIGNS = {
-  lost: ["lost", "Connection lost", "The robot stands still until the connection is back."],
-  paused: ["pause", "Paused", "Nothing moves and no time passes."],
-  held: ["hand", "On hold", "The lab has not heard from this page for a moment. The robot stands still."],
-  starting: ["hourglass", "Getting ready", "The robot is being put in place. A few seconds."],
-  recovering: ["hourglass", "Recovering", "The robot is being brought back to where it was. A few seconds."],
-  ready: ["play", "Ready", "Press Start when you are."],
-  resetting: ["reset", "Resetting", "The arm goes back to its starting position by itself."],
-  gripper: ["grip", "Gripper moving", "The arm stands still for a second."],
-  running: ["play", "Running", "You can drive."],
-  finished: ["check", "Finished", "The next page follows."],
-};
 const GRIPPER = { open: "Gripper open", closed: "Gripper closed", moving: "Gripper moving" };
 const NOTICE_MS = 7000;
 
@@ -70,15 +58,7 @@ export class DriveView {
     /** @type {Record<string, Look>} */
     this.looks = {};
     this._noticeTimer = 0;
-    this.signIcon = h("span", { class: "sign-icon" });
-    this.signText = h("strong", {});
-    this.signHint = h("span", { class: "sign-hint" });
-    this.sign = h(
-      "div",
-      { class: "sign", role: "status", data: { testid: "state-sign" } },
-      this.signIcon,
-      h("span", { class: "sign-words" }, this.signText, this.signHint),
-    );
+    this.sign = new StateSign();
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
     this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
     this.pictures = h("div", { class: "instruction-picture" });
@@ -127,7 +107,7 @@ export class DriveView {
     this.side = h(
       "aside",
       { class: "side", "aria-label": "What to do and what the robot is doing" },
-      this.sign,
+      this.sign.element,
       this.assist,
       this.instruction,
       h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
@@ -155,8 +135,10 @@ export class DriveView {
         if (event.detail === "expired") this._say(wordsFor(this.socket.welcome).missed);
       });
     }
+    this.picture = new PictureReport({ socket, watch: this.scene.watch });
     this._drawLegend();
     this._deafen = [
+      this.scene.watch.on("change", () => this._refresh()),
       socket.on("tick", (event) => this._onTick(event.detail)),
       socket.on("status", (event) => this._onStatus(event.detail)),
       socket.on("instruction", (event) => this._instruct(event.detail)),
@@ -185,7 +167,7 @@ export class DriveView {
         if (page.content.instruction) this._instruct(page.content.instruction);
         this._drawProgress(0, page.content.tasks);
       }
-      this._overlay(pausedView(this.context, page).element);
+      this._overlay(pausedView(this.context, page, () => this.scene.watch.reload()).element);
     } else {
       const { content } = page;
       const part = page.state.replace("_ready", "");
@@ -224,6 +206,7 @@ export class DriveView {
   /** @returns {void} */
   close() {
     for (const stop of this._deafen) stop();
+    this.picture.close();
     this.input.drive(false);
     this.alert?.close();
     this.scene.close();
@@ -360,20 +343,22 @@ export class DriveView {
 
   _refresh() {
     if (!this.page) return;
+    this.picture.tell(this.page, this._ticking() && (this.status === null || this.status === "running"));
     const state = this._state();
-    if (this.sign.dataset.state !== state) {
-      this.sign.dataset.state = state;
-      const [sign, text, hint] = SIGNS[state];
-      this.signIcon.replaceChildren(icon(sign));
-      setText(this.signText, text);
-      setText(this.signHint, hint);
-    }
+    this.sign.show(state);
     if (this.start) {
-      const wait = state !== "ready";
+      const unseen = !this.scene.watch.there;
+      const wait = state !== "ready" || unseen;
       this.start.disabled = wait;
-      this.start.title = wait ? "The robot is not in place yet." : "";
+      this.start.title =
+        state !== "ready" ? "The robot is not in place yet." : unseen ? "Its picture is not there yet." : "";
       if (!wait && !this.overlay.hidden && document.activeElement === document.body)
         this.start.focus({ preventScroll: true });
+    }
+    const goOn = /** @type {HTMLButtonElement | null} */ (this.overlay.querySelector("[data-testid=resume-button]"));
+    if (goOn && goOn.getAttribute("aria-busy") !== "true") {
+      goOn.disabled = !this.scene.watch.there;
+      goOn.title = goOn.disabled ? "The picture of the robot is not there yet." : "";
     }
     const blocked = state === "running" && this.tick?.blocked;
     setText(this.hintText, blocked ? "Cannot move further that way" : "");

@@ -3,6 +3,7 @@
 import { h, icon, setText } from "../common/dom.js";
 import { labUrl } from "../common/root.js";
 import { tab } from "../common/store.js";
+import { PictureWatch } from "./picture_watch.js";
 
 /** @import { LabSocket } from "../wire/socket.js" */
 /** @typedef {{ name: string, label: string }} CameraView */
@@ -11,6 +12,10 @@ const SIGNS = {
   lost: "Connection lost. What you see is old; the robot stands still. Trying again.",
   stale: "The picture of the robot stopped. Connecting to it again.",
   loading: "Loading the picture of the robot",
+  no_webgl: "This browser does not show 3-D pictures, so the robot cannot be seen.",
+  context_lost: "The browser has stopped showing the picture of the robot. Loading it again.",
+  not_loaded: "The picture of the robot does not load. Trying again.",
+  connection: "The picture of the robot stopped. Connecting to it again.",
 };
 
 export class Scene {
@@ -33,6 +38,8 @@ export class Scene {
       this.signIcon,
       this.signText,
     );
+    this.watch = new PictureWatch(this.frame);
+    this.watch.addEventListener("change", () => this._update());
     this.views = h("div", { class: "views", role: "group", "aria-label": "Camera view" });
     this.element = h("div", { class: "scene", data: { testid: "scene" } }, this.frame, this.sign, this.views);
     /** @type {string | null} */
@@ -72,18 +79,21 @@ export class Scene {
       this._names = names;
       this._drawViews(views);
     }
+    if (!src) this.watch.none();
     if (!src || (src === this.src && key === this.key)) return;
     this.src = src;
     this.key = key;
     this._drawn = false;
     this._sceneLost = false;
     this.frame.src = labUrl(src);
+    this.watch.loading();
     this._update();
   }
 
   /** @returns {void} */
   close() {
     removeEventListener("message", this._message);
+    this.watch.close();
     this._deafen();
   }
 
@@ -132,12 +142,15 @@ export class Scene {
   }
 
   _update() {
-    const kind = this.socket.state !== "open" ? "lost" : !this._drawn ? "loading" : this._sceneLost ? "stale" : null;
+    const missing = this.watch.why ?? (this.watch.there ? null : "loading");
+    const stale = this._sceneLost && this._drawn ? "stale" : null; // not missed yet
+    const kind = this.socket.state !== "open" ? "lost" : (missing ?? stale);
     this.sign.hidden = kind === null;
     if (kind === null) delete this.sign.dataset.kind;
     if (kind === null || this.sign.dataset.kind === kind) return;
     this.sign.dataset.kind = kind;
-    this.signIcon.replaceChildren(kind === "lost" ? icon("lost") : h("span", { class: "spinner large" }));
+    const sign = kind === "lost" ? icon("lost") : kind === "no_webgl" ? icon("warning") : null;
+    this.signIcon.replaceChildren(sign ?? h("span", { class: "spinner large" }));
     setText(this.signText, SIGNS[kind]);
   }
 }

@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 from study.definition.study import Study
 from study.flow.page import FlowPage, Outcome, Step, StepContext, StepData, Text
@@ -68,6 +68,15 @@ class HelpData(StepData):
     """Kept apart from the record and never exported."""
 
 
+class PictureData(StepData):
+    """Whether the robot is to be seen on the participant's screen."""
+
+    there: bool
+    """Whether it is drawn."""
+    why: Literal["no_webgl", "context_lost", "not_loaded", "connection"] | None = None
+    """Why not: the browser draws no 3-D graphics, has stopped to, the picture did not load, its connection was lost."""
+
+
 def _withdraw(context: StepContext, data: ReasonData) -> Outcome:
     return Outcome(Event("withdraw"), words=data.reason)
 
@@ -76,7 +85,18 @@ def _help(context: StepContext, data: HelpData) -> Outcome:
     return Outcome(words=data.text)
 
 
-STEPS_ANYWHERE: Mapping[str, Step[Any]] = {"withdraw": Step(ReasonData, _withdraw), "help": Step(HelpData, _help)}
+def _picture(context: StepContext, data: PictureData) -> Outcome:
+    if not data.there:
+        return Outcome(Event("picture_lost", data.why), log=data.model_dump())
+    is_missed = "picture" in context.session.causes
+    return Outcome(Event("picture_back") if is_missed else None, log=data.model_dump())
+
+
+STEPS_ANYWHERE: Mapping[str, Step[Any]] = {
+    "withdraw": Step(ReasonData, _withdraw),
+    "help": Step(HelpData, _help),
+    "picture": Step(PictureData, _picture),
+}
 """What can be handed in from every page."""
 
 
@@ -276,6 +296,9 @@ class Flow:
             return replace(_paused(session, "experimenter"), reason=event.reason)
         if name == "connection_lost":
             return _paused(session, "connection") if session.place in ("practice", "trial") else session
+        if name == "picture_lost":
+            is_seen = session.place in ("practice", "trial")
+            return replace(_paused(session, "picture"), reason=event.reason) if is_seen else session
         if name == "part_failed":
             return replace(_paused(session, "fault"), reason=event.reason)
         if name in CLEARS:

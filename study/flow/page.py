@@ -52,7 +52,7 @@ class PageContext:
 
     study: Study
     scene_path: str = ""
-    """Where the 3-D scene is served."""
+    """Where the 3-D scene is served; empty where there is none."""
     panel_link: str | None = None
     """The second device's link, once one was made."""
     instruction: Content | None = None

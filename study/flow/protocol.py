@@ -18,7 +18,7 @@ State: TypeAlias = str
 """Where a session is: the name of a page (`study.flow.page.FlowPage.state`)."""
 EventName: TypeAlias = str
 """What can happen to a session: a name that pages lead on with, or one of those that are the same everywhere."""
-Cause = Literal["connection", "experimenter", "fault"]
+Cause = Literal["connection", "experimenter", "fault", "picture"]
 Outcome = Literal["done", "declined", "withdrawn", "aborted", "screened_out"]
 WorkerKind = Literal["practice", "trial"]
 
@@ -42,8 +42,8 @@ class IllegalEvent(StudyError):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort`, `part_failed` and
-    `experimenter_pause`."""
+    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort`, `part_failed`,
+    `picture_lost` and `experimenter_pause`."""
 
     name: EventName
     reason: str | None = None
@@ -137,6 +137,8 @@ NEEDS: Mapping[State, tuple[WorkerKind | None, bool]] = {
 
 PAUSE_EVENTS: tuple[EventName, ...] = (
     "connection_lost",
+    "picture_lost",
+    "picture_back",
     "part_failed",
     "resume",
     "experimenter_pause",
@@ -145,10 +147,12 @@ PAUSE_EVENTS: tuple[EventName, ...] = (
 """What begins and ends pauses, in the order in which it is told."""
 CLEARS: Mapping[EventName, frozenset[Cause]] = {
     "resume": frozenset({"connection", "fault"}),
-    "experimenter_resume": frozenset({"experimenter", "fault"}),
+    "experimenter_resume": frozenset({"experimenter", "fault", "picture"}),
+    "picture_back": frozenset({"picture"}),
 }
-"""What ends a pause, and the causes it takes away. A fault is nobody's doing: whoever is there may try again."""
-OF_THE_ROBOT: frozenset[Cause] = frozenset({"connection", "fault"})
+"""What ends a pause, and the causes it takes away. A fault is nobody's doing: whoever is there may try again. A picture
+that is there again ends its own pause; where nobody tells of it, the experimenter does."""
+OF_THE_ROBOT: frozenset[Cause] = frozenset({"connection", "fault", "picture"})
 """Causes that end where no robot is needed: a form can be shown whenever the page is back."""
 
 
@@ -165,8 +169,9 @@ ENDS_ANYWHERE: Mapping[EventName, Ending] = {
     "abort": Ending("aborted", "aborted"),
 }
 """What ends a session wherever it is."""
-ANYWHERE: tuple[EventName, ...] = ("connection_lost", "experimenter_pause", *ENDS_ANYWHERE)
-"""Allowed in every state that is not terminal. A lost connection pauses what ticks and changes nothing elsewhere.
+ANYWHERE: tuple[EventName, ...] = ("connection_lost", "picture_lost", "experimenter_pause", *ENDS_ANYWHERE)
+"""Allowed in every state that is not terminal. A lost connection, or a lost picture of the robot, pauses what ticks and
+changes nothing elsewhere.
 `part_failed`, of an arbiter or an inference that cannot be used, pauses wherever there is a robot."""
 
 

@@ -109,7 +109,7 @@ def test_an_illegal_event_names_state_event_and_what_is_allowed() -> None:
     assert (caught.value.state, caught.value.event) == ("consent", "start")
     assert str(caught.value) == (
         "event 'start' is not allowed in state 'consent'; allowed: consent_given, consent_declined, "
-        "connection_lost, experimenter_pause, withdraw, abort"
+        "connection_lost, picture_lost, experimenter_pause, withdraw, abort"
     )
     done, _ = advance(begun(), "withdraw", 0.0)
     with pytest.raises(IllegalEvent, match="none, the session is over"):
@@ -143,6 +143,31 @@ def test_a_lost_connection_pauses_a_trial_until_the_participant_resumes() -> Non
     back, effects = advance(paused, "resume", 60.0)
     assert (back.state, back.resume_to, back.causes, back.trial) == ("trial", None, frozenset(), 1)
     assert effects == (ResumeTicks(),)
+
+
+def test_a_lost_picture_pauses_a_trial_until_it_is_back() -> None:
+    paused, effects = advance(in_trial(), Event("picture_lost", "context_lost"), 50.0)
+    assert (paused.state, paused.causes, paused.reason) == ("paused", frozenset({"picture"}), "context_lost")
+    assert effects == (PauseTicks(),)
+    with pytest.raises(IllegalEvent):
+        advance(paused, "resume", 51.0)
+    back, effects = advance(paused, "picture_back", 60.0)
+    assert back == replace(in_trial(), since_s=60.0)
+    assert effects == (ResumeTicks(),)
+    # Where no page tells of its picture, the experimenter lets it go on.
+    assert advance(paused, "experimenter_resume", 60.0)[0] == back
+
+
+def test_a_picture_that_is_back_waits_for_whoever_else_paused() -> None:
+    paused, _ = run(in_trial(), "picture_lost", "connection_lost")
+    half, effects = advance(paused, "picture_back", 9.0)
+    assert (half.causes, effects) == (frozenset({"connection"}), ())
+    assert advance(half, "resume", 9.0)[0].state == "trial"
+    for state in ("consent", "survey", "trial_ready", "debrief"):
+        session = Session("P001", 3, state=state)
+        assert advance(session, "picture_lost", 9.0) == (session, ())
+    with pytest.raises(IllegalEvent):
+        advance(in_trial(), "picture_back", 9.0)
 
 
 @pytest.mark.parametrize("state", ["consent", "survey", "practice_ready", "trial_ready", "break", "debrief"])
@@ -375,6 +400,14 @@ def test_the_whole_table_is_the_one_participants_have_always_gone_through() -> N
     assert (
         *("eligible", "screened_out", "consent_given", "consent_declined", "demographics_done", "setup_done"),
         *("instructions_done", "start", "practice_done", "trial_done", "survey_done", "continue", "debrief_done"),
-        *("connection_lost", "part_failed", "resume", "experimenter_pause", "experimenter_resume"),
+        *(
+            "connection_lost",
+            "picture_lost",
+            "picture_back",
+            "part_failed",
+            "resume",
+            "experimenter_pause",
+            "experimenter_resume",
+        ),
         *("repeat_practice", "abort_trial", "withdraw", "abort"),
     ) == EVENTS

@@ -66,7 +66,14 @@ def test_a_step_filled_in_well_leads_on(step: str, data: dict[str, Any], event: 
     assert take(step, data).event == Event(event)
 
 
-def test_every_step_but_help_and_leave_is_tried_above() -> None:
+def test_a_page_says_whether_the_robot_is_to_be_seen() -> None:
+    assert take("picture", {"there": False, "why": "context_lost"}).event == Event("picture_lost", "context_lost")
+    assert take("picture", {"there": True}).event is None, "nobody missed it"
+    with pytest.raises(Refused, match="Input should be"):
+        take("picture", {"there": False, "why": "boredom"})
+
+
+def test_every_step_but_a_few_is_tried_above() -> None:
     assert set(STEPS) == {
         *(
             "eligibility",
@@ -81,7 +88,7 @@ def test_every_step_but_help_and_leave_is_tried_above() -> None:
             "continue",
             "resume",
         ),
-        *("debrief", "withdraw", "help"),
+        *("debrief", "withdraw", "help", "picture"),
     }
 
 

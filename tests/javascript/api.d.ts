@@ -90,6 +90,7 @@ export interface LiveReply {
   visible: boolean | null;
   focused: boolean | null;
   sound: boolean | null;
+  picture: boolean | null;
   instruction: string | null;
   scene: string;
 }

@@ -65,6 +65,7 @@ export interface Submit {
     | "debrief"
     | "withdraw"
     | "help"
+    | "picture"
     | "alert_shown"
     | "alert_heard"
     | "alert_answer";

@@ -3,16 +3,18 @@
 import { freshId, h, icon, whileBusy } from "../../common/dom.js";
 import { ask, card } from "../../common/shell.js";
 import { paragraphs } from "../forms.js";
+import { pictureCheck } from "../picture_check.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
 
 /**
  * @param {Context} context
- * @param {PageOf<{ title: string, text: string[], contact: string, hash: string }>} page
+ * @param {PageOf<{ title: string, text: string[], contact: string, hash: string, needs_picture?: boolean }>} page
  * @returns {View}
  */
 export function view({ socket }, page) {
-  const { title, text, contact, hash } = page.content;
+  const { title, text, contact, hash, needs_picture = false } = page.content;
+  const picture = pictureCheck({ socket, needed: needs_picture });
   const boxId = freshId("agree");
   const box = h("input", { type: "checkbox", id: boxId, data: { testid: "consent-box" } });
   const error = h(
@@ -58,12 +60,14 @@ export function view({ socket }, page) {
       box.focus();
       return;
     }
+    if (!picture.fits()) return;
     whileBusy(agree, "Saving", () => socket.submit("consent", { accepted: true, hash }).catch(() => {}));
   });
   const element = card({
     title: title || "Taking part",
     testid: "page-consent",
     body: [
+      picture.element,
       h("div", { class: "prose" }, paragraphs(text)),
       contact ? h("p", { class: "contact" }, contact) : null,
       form,

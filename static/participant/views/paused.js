@@ -2,40 +2,57 @@
 
 import { h } from "../../common/dom.js";
 import { card, stepButton } from "../../common/shell.js";
+import { ADVICE } from "../picture_check.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
 
 /**
  * @param {Context} context
- * @param {PageOf<{ can_resume: boolean, text: string }>} page
+ * @param {PageOf<{ can_resume: boolean, text: string, causes?: string[] }>} page
+ * @param {(() => void) | null} [load] loads the picture of the robot again, where there is one
  * @returns {View}
  */
-export function view({ socket }, page) {
-  const { can_resume, text } = page.content;
+export function view({ socket }, page, load = null) {
+  const { can_resume, text, causes = [] } = page.content;
+  const unseen = causes.includes("picture");
+  const waiting = (/** @type {string} */ words) =>
+    h("p", { class: "waiting" }, h("span", { class: "spinner", "aria-hidden": "true" }), words);
+  const again = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "picture-load" } },
+    "Load the picture again",
+  );
+  again.addEventListener("click", () => load?.());
+  const reload = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "page-reload" } },
+    "Reload the page",
+  );
+  reload.addEventListener("click", () => location.reload());
+  const goOn = can_resume
+    ? stepButton({
+        socket,
+        step: "resume",
+        label: "Go on",
+        busy: "Going on",
+        kind: "primary large",
+        testid: "resume-button",
+      })
+    : waiting(causes.includes("experimenter") || !unseen ? "Waiting for the experimenter" : "Waiting for the picture");
   const element = card({
     title: "Paused",
     sign: "pause",
     lines: [text],
     testid: "page-paused",
-    actions: can_resume
-      ? [
-          stepButton({
-            socket,
-            step: "resume",
-            label: "Go on",
-            busy: "Going on",
-            kind: "primary large",
-            testid: "resume-button",
-          }),
-        ]
-      : [
-          h(
-            "p",
-            { class: "waiting" },
-            h("span", { class: "spinner", "aria-hidden": "true" }),
-            "Waiting for the experimenter",
-          ),
-        ],
+    body: unseen && [
+      h("p", {}, "If it does not come back:"),
+      h(
+        "ul",
+        { class: "advice" },
+        ADVICE.map((line) => h("li", {}, line)),
+      ),
+    ],
+    actions: [goOn, ...(unseen && load ? [again] : []), ...(unseen ? [reload] : [])],
   });
   return { element };
 }

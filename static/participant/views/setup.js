@@ -9,6 +9,7 @@ import { DEAD_ZONE } from "../../hands/mapping.js";
 import { wordsFor } from "../../readings/words.js";
 import { keyboardLegend, padLegend } from "../controls.js";
 import { indicator } from "../indicator.js";
+import { pictureCheck } from "../picture_check.js";
 
 /** @import { Child } from "../../common/dom.js" */
 /** @import { ChosenDevice } from "../../hands/keyboard.js" */
@@ -20,6 +21,7 @@ import { indicator } from "../indicator.js";
  * @property {string | null} panel_link
  * @property {"any" | "preferred" | "required"} [gamepad]
  * @property {boolean} [needs_sound]
+ * @property {boolean} [needs_picture] the study has a scene
  */
 /**
  * @typedef {object} Chosen
@@ -58,7 +60,8 @@ function section(number, title, testid) {
  */
 export function view({ socket, input, pads, keyboard, sound }, page) {
   const words = wordsFor(socket.welcome).setup;
-  const { placement, panel_link, gamepad = "any", needs_sound = false } = page.content;
+  const { placement, panel_link, gamepad = "any", needs_sound = false, needs_picture = false } = page.content;
+  const picture = pictureCheck({ socket, needed: needs_picture });
   /** @type {Chosen} */
   const chosen = {
     device: input.chosen,
@@ -312,6 +315,7 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
       play.focus();
       return;
     }
+    if (!picture.fits()) return;
     const byPad = device === "gamepad";
     const data = {
       device,
@@ -328,7 +332,7 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
     title: "Set up",
     wide: true,
     testid: "page-setup",
-    body: [...steps, h("div", { class: "actions" }, go)],
+    body: [picture.element, ...steps, h("div", { class: "actions" }, go)],
   });
   if (chosen.device) choose(chosen.device);
   const close = () => {

@@ -38,6 +38,7 @@ def content(session: Session, context: PageContext) -> Content:
         "text": list(study.consent.text),
         "contact": study.consent.contact,
         "hash": study.consent.hash,
+        "needs_picture": bool(context.scene_path),
     }
 
 

@@ -46,6 +46,7 @@ def content(session: Session, context: PageContext) -> Content:
         "panel_link": context.panel_link if distractor.placement == "second_device" else None,
         "gamepad": context.study.eligibility.gamepad,
         "needs_sound": context.study.eligibility.sound,
+        "needs_picture": bool(context.scene_path),
     }
 
 

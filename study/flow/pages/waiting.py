@@ -24,6 +24,11 @@ def pause_content(session: Session, context: PageContext) -> Content:
         text = "The experimenter has paused the session. It goes on when they say so."
     elif "fault" in session.causes:
         text = "Something in the lab did not work and the robot stopped. Nothing you did is lost. Please try to go on."
+    elif "picture" in session.causes:
+        text = (
+            "The picture of the robot is missing on this screen, so the robot has stopped and no time passes. The "
+            "round goes on by itself as soon as the picture is back."
+        )
     else:
         text = "The connection was lost and the robot stopped. Go on when you are ready."
     return {
