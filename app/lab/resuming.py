@@ -6,7 +6,8 @@ import json
 from typing import Any
 
 from app.session.history import KEPT_EVENTS
-from app.session.interfaces import Resumed
+from app.session.interfaces import HelpCall, Resumed
+from app.session.private_text import with_words
 from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import from_rows
@@ -23,14 +24,16 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
     alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
     events: tuple[EventRow, ...] = store.rows_of("events", participant)
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
-    help_calls = [row.kind for row in events if row.kind in ("step_help", "help_seen")]
+    calls = [row for row in events if row.kind in ("step_help", "help_seen")][-1:]
+    words = with_words(calls, store.identities(participant)) if calls else []
+    is_open = bool(calls) and calls[0].kind == "step_help"
     return Resumed(
         distractor=from_rows(distractor, stored.seed, alerts),
         tick=rows[-1].tick if rows else None,
         last_seq=store.last_input_seq(participant),
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         sound=setups[-1].get("sound") if setups else None,
-        help_wanted=help_calls[-1:] == ["step_help"],
+        help_wanted=HelpCall(words[0].get("text", ""), calls[0].utc) if is_open else None,
         events=events[-KEPT_EVENTS:],
     )
 

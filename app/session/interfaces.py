@@ -64,6 +64,14 @@ class Enrolment:
 
 
 @dataclass(frozen=True)
+class HelpCall:
+    """A participant's call for help: what they typed, if anything, and when."""
+
+    words: str
+    since_utc: str
+
+
+@dataclass(frozen=True)
 class Resumed:
     """Where a stored session stood: its distractor, the last tick of the phase, the last input's number."""
 
@@ -72,7 +80,7 @@ class Resumed:
     last_seq: int = 0
     overruns: int = 0
     sound: bool | None = None
-    help_wanted: bool = False
+    help_wanted: HelpCall | None = None
     events: tuple[EventRow, ...] = ()
     """The last ones."""
 
@@ -86,7 +94,8 @@ class Vitals:
     focused: bool | None = None
     device: str | None = None
     overruns: int = 0
-    help_wanted: bool = False
+    help: HelpCall | None = None
+    """The participant's call that nobody has answered."""
     sound: bool | None = None
     """Whether the participant heard the test sound; None before they were asked."""
     picture: bool | None = None

@@ -31,6 +31,7 @@ FAILURES: Mapping[str, str] = {
 }
 
 
+HELP_SEEN = "The experimenter has seen your call for help."
 ENDED_EARLY = "This round was ended early. Please go on from here."
 
 

@@ -69,7 +69,7 @@ class LiveSession:
             enrolment=enrolment,
             services=services,
             session=session,
-            vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound, help_wanted=resumed.help_wanted),
+            vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound, help=resumed.help_wanted),
             connections=self._connections,
             link=self._link,
             spectators=Spectators(self._link),
@@ -172,7 +172,7 @@ class LiveSession:
             ready=self._link.ready,
             lacks_panel=context.lacks_panel(),
             lacks_picture=context.vitals.picture is False,
-            help_wanted=context.vitals.help_wanted,
+            help_wanted=context.vitals.help is not None,
             flow=context.services.flow,
         )
 
@@ -393,7 +393,8 @@ class LiveSession:
         if remark.name == "message":
             self._connections.show_notice(remark.text)
         elif remark.name == "help_seen":
-            context.vitals.help_wanted = False
+            context.vitals.help = None
+            self._connections.show_notice(pages.HELP_SEEN)
 
 
 def _closed(work: _Work) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from app.session import pages
 from app.session.connections import acknowledge, refuse
 from app.session.context import SessionContext
-from app.session.interfaces import Client
+from app.session.interfaces import Client, HelpCall
 from app.session.private_text import apart
 from app.session.transitions import Transitions
 from app.trial.reasoning import PartFault
@@ -100,7 +100,7 @@ class Submissions:
         data, private = apart(message.step, outcome.words)
         events = (context.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":
-            context.vitals.help_wanted = True
+            context.vitals.help = HelpCall(outcome.words or "", step.utc)
         elif message.step == "picture":
             context.vitals.picture = bool(message.data.get("there"))
         elif message.step == "setup":

@@ -47,6 +47,15 @@ MAX_DASHBOARDS = 20
 MAX_HELLO_BYTES = 2_000
 
 
+class HelpReply(BaseModel):
+    """A participant's call for help."""
+
+    words: str
+    """What they typed; kept apart from the record and never exported."""
+    since_utc: str
+    """When they called, in UTC."""
+
+
 class LiveReply(SessionReply):
     """One session at a glance, with what can be done about it now."""
 
@@ -64,6 +73,8 @@ class LiveReply(SessionReply):
     """Whether the participant heard the test sound; null before they were asked."""
     picture: bool | None
     """Whether the participant's page draws the robot; null before it said so."""
+    help: HelpReply | None
+    """The participant's call that nobody has answered; null for none."""
     instruction: str | None
     """The current task as a sentence; null without one."""
     scene: str
@@ -115,6 +126,7 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
         focused=live.vitals.focused if connected and live else None,
         sound=live.vitals.sound if live else None,
         picture=live.vitals.picture if live else None,
+        help=HelpReply(**vars(live.vitals.help)) if live and live.vitals.help else None,
         instruction=instruction(view, live.labels, practice).text if live and view else None,
         scene=_no_scene(lab, stored, session, live),
     )

@@ -201,7 +201,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         connected=live.connected if live else False,
         panel_connected=live.panel_connected if live else False,
         held=live.held if live else False,
-        help_wanted=live.vitals.help_wanted if live else False,
+        help_wanted=live is not None and live.vitals.help is not None,
         done_tasks=view.done_tasks if view else None,
         tasks=view.tasks if view else None,
         round_trip_ms=live.vitals.round_trip_ms if live else None,

@@ -18,10 +18,20 @@ const CONNECTION = {
   closed: ["hourglass", "Connecting"],
 };
 
-/** Short messages at the edge of the page. They stay until dismissed when they report a problem. */
+const SHOWN = 2; // at once; the others wait for their turn
+const SHORT_MS = 6000;
+
+/**
+ * Messages in a place of their own, below the header: they cover nothing. Those that report a problem stay until they are
+ * dismissed; the others go by themselves, counted from when they are seen.
+ */
 export class Toasts {
   constructor() {
-    this.element = h("div", { class: "toasts", role: "status", "aria-live": "polite", data: { testid: "toasts" } });
+    this.list = h("div", { class: "toast-list", role: "status", "aria-live": "polite" });
+    this.more = h("p", { class: "toasts-more", hidden: true, data: { testid: "toasts-more" } });
+    this.element = h("div", { class: "toasts", data: { testid: "toasts" } }, this.list, this.more);
+    /** @type {{ toast: HTMLElement, text: string, begin: () => void }[]} */
+    this.waiting = [];
   }
 
   /**
@@ -30,10 +40,9 @@ export class Toasts {
    * @returns {void}
    */
   show(text, { problem = false, stays = false, onDismiss = () => {} } = {}) {
-    const shown = /** @type {HTMLElement[]} */ ([...this.element.children]);
-    const twin = shown.find((toast) => toast.dataset.text === text);
-    if (twin) twin.remove();
-    if (shown.length > 3) shown[0]?.remove();
+    const shown = /** @type {HTMLElement[]} */ ([...this.list.children]);
+    shown.find((toast) => toast.dataset.text === text)?.remove();
+    this.waiting = this.waiting.filter((one) => one.text !== text);
     const close = h(
       "button",
       { class: "quiet small", type: "button", "aria-label": "Dismiss this message" },
@@ -46,12 +55,31 @@ export class Toasts {
       h("p", {}, problem ? h("strong", {}, "Problem: ") : null, text),
       close,
     );
-    close.addEventListener("click", () => {
+    const leave = () => {
       toast.remove();
+      this._next();
+    };
+    close.addEventListener("click", () => {
+      leave();
       onDismiss();
     });
-    this.element.append(toast);
-    if (!problem && !stays) setTimeout(() => toast.remove(), 6000);
+    const begin = () => {
+      if (!problem && !stays) setTimeout(() => toast.isConnected && leave(), SHORT_MS);
+    };
+    this.waiting.push({ toast, text, begin });
+    this._next();
+  }
+
+  _next() {
+    while (this.list.children.length < SHOWN) {
+      const next = this.waiting.shift();
+      if (!next) break;
+      this.list.append(next.toast);
+      next.begin();
+    }
+    const { length } = this.waiting;
+    this.more.hidden = length === 0;
+    setText(this.more, length === 1 ? "1 more message" : `${length} more messages`);
   }
 }
 
@@ -179,7 +207,7 @@ export class Shell {
       h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), this.title, this.demo),
       h("span", { class: "top-actions" }, this.connection, this.help, this.stop),
     );
-    this.element = h("div", { class: "app" }, this.header, this.main, this.toasts.element);
+    this.element = h("div", { class: "app" }, this.header, this.toasts.element, this.main);
     socket.addEventListener("state", () => this._connection());
     socket.addEventListener("welcome", (event) => {
       setText(this.title, event.detail.study_title);

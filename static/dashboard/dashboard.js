@@ -7,6 +7,7 @@ import { Toasts } from "../common/shell.js";
 import { numberProblem, numerals } from "../common/typed_number.js";
 import { Api, isRefused } from "./api.js";
 import { act } from "./commands.js";
+import { HelpCalls } from "./help_calls.js";
 import { Live } from "./live.js";
 import { Results } from "./results.js";
 import { Roster } from "./roster.js";
@@ -61,6 +62,7 @@ let lastMs = 0;
  */
 function login(problem = "") {
   clearInterval(timer);
+  calls.update([]);
   live.stop();
   roster.stop();
   results.stop();
@@ -126,6 +128,7 @@ async function enter() {
   }
 }
 
+const calls = new HelpCalls({ api, toasts, onSeen: () => poll() });
 const results = new Results({ api, toasts });
 const roster = new Roster({ api, toasts, onActed: () => poll() });
 const onAct = async (/** @type {string} */ participant, /** @type {Command} */ command) => {
@@ -142,6 +145,7 @@ const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 function drawn(sessions) {
   lastMs = Date.now();
   rows.update(sessions);
+  calls.update(sessions);
   results.follow(sessions);
   sayUpdated();
 }
@@ -369,10 +373,13 @@ document.body.append(
       ),
       h("span", { class: "top-actions" }, signed, leave),
     ),
+    h("div", { class: "messages" }, calls.element, toasts.element),
     main,
-    toasts.element,
   ),
 );
 setInterval(() => lastMs && sayUpdated(), POLL_MS);
 if (api.token) enter();
 else login();
+
+// For tests, and for whoever opens the console.
+window.salab = { calls };

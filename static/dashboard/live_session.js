@@ -195,7 +195,7 @@ export class SessionPage {
     setText(this.title, nameOf(session));
     const condition = session.condition.replaceAll("_", " ");
     const task = session.tasks ? ` · task ${taskWords(session.done_tasks, session.tasks)}` : "";
-    const help = session.help_wanted ? " · asks for help" : "";
+    const help = session.help_wanted ? ` · asks for help${session.help?.words ? `: “${session.help.words}”` : ""}` : "";
     setText(
       this.state,
       `${stateText} · trial ${session.trial} of ${session.trials}, condition ${condition}${task}${help}`,

@@ -143,7 +143,9 @@ export class Rows {
    */
   update(sessions) {
     this.sessions = sessions;
-    const shown = this._chosen(sessions);
+    const chosen = this._chosen(sessions);
+    // Who asks for help stands first, that is last here: the newest row is on top.
+    const shown = [...chosen.filter((one) => !one.help_wanted), ...chosen.filter((one) => one.help_wanted)];
     this.empty.hidden = sessions.length > 0;
     this.table.hidden = shown.length === 0;
     const left = sessions.length - shown.length;
@@ -163,12 +165,12 @@ export class Rows {
     let next = this.body.firstElementChild;
     for (const session of [...shown].reverse()) {
       let row = this.rows.get(session.participant);
-      if (row) next = row.element.nextElementSibling;
-      else {
+      if (!row) {
         row = new Row(session.participant, this);
         this.rows.set(session.participant, row);
-        this.body.insertBefore(row.element, next);
       }
+      if (row.element === next) next = row.element.nextElementSibling;
+      else this.body.insertBefore(row.element, next);
       if (row.shown !== session) row.fill(session); // the feed keeps the object of a session that did not change
     }
   }
@@ -264,7 +266,8 @@ class Row {
     mark(this.connection, ...connectionOf(session));
     const asks = session.help_wanted;
     const text = remarks(session);
-    if (asks) mark(this.remarks, "help", `Asks for help. ${text.replace(/^–$/, "")}`, "warn");
+    this.element.classList.toggle("asks", asks);
+    if (asks) mark(this.remarks, "help", `Asks for help. ${text.replace(/^–$/, "")}`, "bad");
     else mark(this.remarks, null, text, "");
     // One of the two makes sense; the other is there as soon as it does.
     const resumes = session.state === "paused" && (this.why("resume") === "" || this.why("pause") !== "");

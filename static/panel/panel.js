@@ -169,8 +169,8 @@ document.body.append(
       h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), device),
       connection,
     ),
-    main,
     toasts.element,
+    main,
   ),
 );
 name();

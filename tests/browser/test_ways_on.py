@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.browser.test_no_picture import in_thread
 from tests.browser.test_pages_unit import opened
 from tests.support.fake_lab import FakeLab
-from tests.support.fake_pages import CONTENT
+from tests.support.fake_pages import CONTENT, tick
+from tests.support.lab_server import LabServer
+from tests.support.wire_client import asked, events, invite, visit
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, Route
@@ -104,3 +107,88 @@ def test_the_instructions_count_their_questions(page: Page, lab: FakeLab, count:
         assert lab.wait_submit("instructions")["data"] == {"answers": {}}
     else:
         assert words in page.get_by_test_id("instructions-questions").inner_text()
+
+
+# --- messages ------------------------------------------------------------------------------------------------------
+
+COVERED = """() => {
+  const toasts = document.querySelector(".toasts").getBoundingClientRect();
+  const hit = (box) => box.width && box.left < toasts.right && box.right > toasts.left
+    && box.top < toasts.bottom && box.bottom > toasts.top;
+  return [...document.querySelectorAll("button, iframe, input, a")]
+    .filter((one) => one.checkVisibility() && !one.closest(".toasts") && hit(one.getBoundingClientRect()))
+    .map((one) => one.dataset.testid ?? one.outerHTML);
+}"""
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (640, 360), (390, 844)])
+def test_messages_cover_neither_the_scene_nor_a_control(page: Page, lab: FakeLab, size: tuple[int, int]) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    opened(page, lab, "trial")
+    lab.send(tick(0))
+    for number in range(5):
+        lab.send({"type": "notice", "text": f"Message {number}"})
+    page.get_by_text("3 more messages").wait_for()
+    assert page.evaluate(COVERED) == []
+    page.get_by_test_id("view-side").click()  # what messages used to lie on
+    lab.wait_for(lambda message: message["type"] == "view")
+
+
+def test_messages_wait_for_their_turn_and_are_dismissed_one_by_one(page: Page, lab: FakeLab) -> None:
+    opened(page, lab, "break")
+    for number in range(4):
+        lab.send({"type": "notice", "text": f"Message {number}"})
+    page.get_by_text("2 more messages").wait_for()
+    for number in range(4):
+        assert f"Message {number}" in page.get_by_test_id("toast").first.inner_text()
+        page.get_by_role("button", name="Dismiss this message").first.click()
+    assert page.get_by_test_id("toast").count() == 0
+    assert page.get_by_test_id("toasts-more").is_hidden()
+
+
+# --- a call for help -----------------------------------------------------------------------------------------------
+
+RINGING = """() => {
+  const { sound } = salab.calls;
+  const samples = new Float32Array(sound.analyser?.fftSize ?? 1);
+  sound.analyser?.getFloatTimeDomainData(samples);
+  return Math.max(...samples.map(Math.abs)) > 0.01;
+}"""
+
+
+def test_a_call_for_help_is_heard_and_seen_first_with_its_words(page: Page, quick_lab: LabServer) -> None:
+    caller, later = invite(quick_lab), invite(quick_lab)
+    participant = caller["participant"]
+    page.goto(quick_lab.experimenter_link)
+    page.get_by_test_id("page-dashboard").wait_for()
+    page.get_by_test_id("initials").fill("AB")
+    page.get_by_test_id("initials").press("Tab")
+
+    async def call() -> None:
+        async with visit(caller["link"]) as player:
+            await player.done("help", {"text": "The <b>arm</b> is stuck."})
+
+    in_thread(call())
+    banner = page.get_by_test_id("help-calls")
+    banner.get_by_text("“The <b>arm</b> is stuck.”").wait_for()
+    assert page.title().startswith(f"(1) Help: {participant}")
+    page.wait_for_function(RINGING)
+    first = page.get_by_test_id("session-row").first
+    assert first.get_attribute("data-participant") == participant
+    assert first.get_attribute("data-participant") != later["participant"]
+    banner.get_by_test_id("help-seen").click()
+    banner.locator("li").wait_for(state="detached")
+    assert "Help" not in page.title()
+    told = [(kind, data.get("by")) for kind, data in events(quick_lab, participant, "step_help", "help_seen")]
+    assert told == [("step_help", None), ("help_seen", "AB")]
+
+
+def test_the_participant_is_told_that_their_call_was_seen(page: Page, quick_lab: LabServer) -> None:
+    made = invite(quick_lab)
+    page.goto(made["link"])
+    page.get_by_test_id("help-button").click()
+    page.get_by_test_id("dialog-confirm").click()
+    page.get_by_text("The experimenter has been told.").wait_for()
+    answered = asked(quick_lab, "POST", f"sessions/{made['participant']}/help_seen", {})
+    assert answered.status_code == 200
+    page.get_by_text("The experimenter has seen your call for help.").wait_for()

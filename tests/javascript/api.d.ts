@@ -57,6 +57,12 @@ export interface SessionReply {
   why_not: Record<string, string>;
 }
 
+/** A participant's call for help. */
+export interface HelpReply {
+  words: string;
+  since_utc: string;
+}
+
 /** One session at a glance, with what can be done about it now. */
 export interface LiveReply {
   participant: string;
@@ -91,6 +97,7 @@ export interface LiveReply {
   focused: boolean | null;
   sound: boolean | null;
   picture: boolean | null;
+  help: HelpReply | null;
   instruction: string | null;
   scene: string;
 }
