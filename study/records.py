@@ -68,7 +68,7 @@ def column(
 
 CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
 KINDS = ("pickup", "dropoff")
-SOURCES = ("user", "robot", "idle", "gripper", "reset")
+SOURCES = ("user", "blend", "robot", "idle", "gripper", "reset")
 OUTCOMES = ("success", "failure", "not_run")
 
 
@@ -194,7 +194,13 @@ class TickRow:
     action_x: int | None = column(_ACTION.format("x"), unit="1", least=-1, most=1)
     action_y: int | None = column(_ACTION.format("y"), unit="1", least=-1, most=1)
     action_z: int | None = column(_ACTION.format("z"), unit="1", least=-1, most=1)
-    source: str = column("Who moved the robot in this tick", levels=SOURCES)
+    source: str = column(
+        "Who decided the motion of this tick. user = the person gave a direction and it was taken; blend = the person "
+        "gave one and the arbiter took another (see departure); robot = no direction, the arbiter chose; idle = no "
+        "direction, and the arbiter never moves by itself; gripper = the fingers moved and motion paused; reset = the "
+        "arm went back",
+        levels=SOURCES,
+    )
     blocked: int = column("1 = the motion asked for was refused", unit=YES_NO)
     blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not")
     gripper_input: str | None = column("Gripper button pressed for this tick", levels=("open", "close"))
@@ -212,6 +218,15 @@ class TickRow:
     started_utc: str | None = column("When the tick started; blank when simulated", unit=UTC)
     late_ms: float | None = column("How late the tick started against its deadline; blank in lockstep", unit="ms")
     digest: str = column("Hash of the world's state at the end of the tick, for verifying a replay")
+    departure: float | None = column(
+        "How far the action taken departs from the direction the person gave: the length of the difference of the two "
+        "as unit vectors. 0 = as given, 1 = stood still instead (or moved where 0,0,0 was given), 2 = the opposite; "
+        "blank = the person gave none",
+        unit="1",
+        least=0,
+        most=2,
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

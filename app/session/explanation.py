@@ -49,6 +49,8 @@ class TickExplanation:
     task: int | None
     kind: str | None
     source: str
+    departure: float | None
+    """How far the action is from what the participant asked, 0 to 2; None where they asked for nothing."""
     position_m: Vector3
     action: tuple[int, int, int] | None
     user: tuple[int, int, int] | None
@@ -80,6 +82,7 @@ def explain_tick(row: TickRow, told: Explanation, setup: TrialSetup, labels: Lab
         task=row.task,
         kind=row.kind,
         source=row.source,
+        departure=row.departure,
         position_m=(row.p_x, row.p_y, row.p_z),
         action=action,
         user=_direction(row.user_x, row.user_y, row.user_z),

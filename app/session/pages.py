@@ -89,7 +89,7 @@ def tick_message(
             "gripper": view.gripper,
             "holding": view.holding,
             "blocked": view.blocked,
-            "assisting": view.source == "robot" if show_assistance else None,
+            "assisting": view.source in ("robot", "blend") if show_assistance else None,
             "notice": notice(view.ended, before, labels),
         }
     )

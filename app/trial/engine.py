@@ -11,7 +11,7 @@ bit. A live session spreads a tick over half a second by calling `begin`, `advan
 A tick (paper IV-A):
 
     input ──► gripper button? ──► fingers move, motion pauses            source = gripper
-          ──► direction?      ──► inference, then the arbiter: follow    source = user
+          ──► direction?      ──► inference, then the arbiter: follow    source = user, or blend if it takes another
           ──► nothing         ──► inference, then the arbiter: choose    source = robot, or idle if it never moves
                                                                                   by itself
 
@@ -21,6 +21,7 @@ are given what they remember, so a cycle can be re-run from its first tick alone
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -69,6 +70,11 @@ class _Tick:
             return STILL
         kept = self.verdict.executed[-1].direction
         return unit_direction(self.action) if kept == self.asked[-1].direction else kept
+
+
+def _departure(user: Direction, action: Direction) -> float:
+    """How far an action is from what the person asked for: the length of the difference of the two unit directions."""
+    return 0.0 if action == user else math.dist(unit_direction(action), unit_direction(user))
 
 
 class TrialEngine:
@@ -298,7 +304,9 @@ class TrialEngine:
         reach_m = self.setup.timing.speed_m_s * TICK_S
         feasible = Feasibility(self._robot, self.world, self.scene, model, self._momentum, reach_m)
         self._belief, action, alone = self._reasoning.decide(state, self._belief, user, feasible)
-        source = "user" if user is not None else "robot" if alone else "idle"
+        source = "robot" if alone else "idle"
+        if user is not None:
+            source = "user" if action == user else "blend"
         segments = motion_segments(model, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
         chosen = action if source != "idle" else None
@@ -348,6 +356,7 @@ class TrialEngine:
             "belief": self._text_of(belief),
             "entropy": belief.entropy,
             "input_seq": user_input.seq,
+            "departure": None if user is None or action is None else _departure(user, action),
         }
 
     def _text_of(self, belief: Belief) -> str:

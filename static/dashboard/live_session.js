@@ -27,11 +27,20 @@ const KEPT_EVENTS = 50;
 /** @type {Record<string, string>} */
 const SOURCES = {
   user: "the participant",
+  blend: "the participant and the robot",
   robot: "the robot",
   idle: "nobody: the robot waits",
   gripper: "nobody: the fingers move",
   reset: "nobody: the arm goes back",
 };
+/**
+ * Who moves the arm, and how far from what the participant asks where that is not the same.
+ *
+ * @param {{ source: string, departure: number | null }} tick
+ * @returns {string}
+ */
+const mover = ({ source, departure }) =>
+  (SOURCES[source] ?? source) + (departure ? `: ${departure.toFixed(2)} of 2 away from what is asked` : "");
 /** @type {[positive: string, negative: string][]} */
 const AXES = [
   ["forward", "back"],
@@ -261,7 +270,7 @@ export class SessionPage {
     const session = this.session;
     const focus = session?.focused ? "has the focus" : "does not have the focus";
     const rows = [
-      ["Moves now", tick ? (SOURCES[tick.source] ?? tick.source) : "–"],
+      ["Moves now", tick ? mover(tick) : "–"],
       ["Action", words(tick?.action)],
       ...toldByArbiter(tick),
       ["Blocked", tick?.blocked ? (tick.blocked_reason ?? "yes") : tick ? "no" : "–"],

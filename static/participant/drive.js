@@ -366,7 +366,7 @@ export class DriveView {
     if (state === "lost" || state === "paused") this.notice.hidden = true;
     const assisting = this.tick?.assisting ?? null;
     this.assist.hidden = assisting === null;
-    if (assisting !== null) setText(this.assist, assisting ? "The robot is moving by itself" : "You are driving");
+    if (assisting !== null) setText(this.assist, assisting ? "The robot is assisting" : "You are driving");
     this.soundButton.hidden = this.sound.ready || this.alert === null;
     this.alert?.pause(
       state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",

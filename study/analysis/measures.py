@@ -5,8 +5,8 @@
 
 Words used here, all of them about the ticks of one task:
 
-- a *control tick* has source user, robot or idle; gripper and reset ticks have not (settling counts as gripper);
-- a *user action* is a tick with source user;
+- a *control tick* has source user, blend, robot or idle; gripper and reset ticks have not (settling counts as gripper);
+- a *user action* is a tick with source user or blend: the person gave a direction, whether or not it was taken;
 - a *window* is a longest run of at least `WINDOW_TICKS` control ticks without a user action. A user action, a gripper
   tick, a pause (`after_pause` stands on the first tick after it), a reset and the end of the task end it.
 
@@ -31,7 +31,8 @@ GAIN_ENTROPY = 0.7
 TIE = 1e-12
 """Probabilities closer than this are equal: the goal is then not *the* most likely one."""
 
-CONTROL_SOURCES = frozenset({"user", "robot", "idle"})
+USER_SOURCES = frozenset({"user", "blend"})
+CONTROL_SOURCES = USER_SOURCES | {"robot", "idle"}
 TaskKind = Literal["all", "pickup", "dropoff"]
 WindowEnd = Literal["user", "gripper", "pause", "task"]
 
@@ -219,7 +220,7 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
         reason=row.reason,
         analysed=analysed,
         efficiency_ticks=sum(tick.source in CONTROL_SOURCES for tick in ticks),
-        user_actions=sum(tick.source == "user" for tick in ticks),
+        user_actions=sum(tick.source in USER_SOURCES for tick in ticks),
         convergence_user_actions=_convergence(_leads(row.goal, beliefs), ticks),
         missing_ticks=max(expected - len(ticks), 0),
     )
@@ -235,7 +236,7 @@ def _convergence(leads: Sequence[bool | None], ticks: Sequence[TickLike]) -> int
     for lead, tick in zip(leads, ticks, strict=True):
         if lead is None:
             continue
-        if tick.source == "user":
+        if tick.source in USER_SOURCES:
             observed += 1
             if lead and converged_at is None:
                 converged_at = observed
@@ -276,15 +277,15 @@ def _runs(ticks: Sequence[TickLike]) -> Iterator[tuple[int, int, WindowEnd]]:
     """Start, stop (exclusive) and end of every window."""
     start: int | None = None
     for index, tick in enumerate(ticks):
-        no_input = tick.source in CONTROL_SOURCES and tick.source != "user"
+        no_input = tick.source in CONTROL_SOURCES - USER_SOURCES
         broken = bool(tick.after_pause) or (index > 0 and tick.tick != ticks[index - 1].tick + 1)
         if start is not None and (broken or not no_input):
             if index - start >= WINDOW_TICKS:
                 ended_by: WindowEnd = "task"
                 if broken:
                     ended_by = "pause"
-                elif tick.source in ("user", "gripper"):
-                    ended_by = "user" if tick.source == "user" else "gripper"
+                elif tick.source == "gripper" or tick.source in USER_SOURCES:
+                    ended_by = "gripper" if tick.source == "gripper" else "user"
                 yield start, index, ended_by
             start = None
         if no_input and start is None:

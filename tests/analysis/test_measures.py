@@ -33,6 +33,14 @@ def test_efficiency_counts_user_robot_and_idle_ticks_alone() -> None:
     assert task.user_actions == 3
 
 
+@pytest.mark.parametrize("letters", ["uurriiggu", "rrrrruuuuu", "iiiiiiug", "uiuiuiiiiiuP", "rrrrrrU"])
+def test_a_direction_that_the_arbiter_overrode_is_a_direction_that_was_given(letters: str) -> None:
+    own = [0.3 + 0.05 * index for index in range(len(letters))]
+    taken, overridden = script(letters, own), script(letters.replace("u", "b"), own)
+    assert {row.source for row in overridden} & {"blend"} or "u" not in letters
+    assert measure_task(scripted_task(overridden), overridden) == measure_task(scripted_task(taken), taken)
+
+
 def test_reset_ticks_belong_to_no_task() -> None:
     rows = script("uu", [0.5, 0.5])
     reset = [replace(row, task=None, kind=None, goal=None) for row in script("xx", [0.5] * 2, first_tick=2)]

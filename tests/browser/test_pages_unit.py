@@ -788,7 +788,7 @@ def test_the_drive_page_tells_what_to_do_and_what_is_happening(page: Page, lab: 
     assert page.get_by_test_id("assisting").is_hidden()
     lab.send(tick(1, blocked=True, assisting=True))
     page.get_by_text("Cannot move further that way").wait_for()
-    assert page.get_by_test_id("assisting").inner_text() == "The robot is moving by itself"
+    assert page.get_by_test_id("assisting").inner_text() == "The robot is assisting"
     for status, words in (("resetting", "Resetting"), ("gripper", "Gripper moving"), ("finished", "Finished")):
         lab.send(tick(2, status=status))
         page.get_by_test_id("state-sign").get_by_text(words, exact=True).wait_for()

@@ -120,6 +120,7 @@ export interface TickExplanation {
   task: number | null;
   kind: string | null;
   source: string;
+  departure: number | null;
   position_m: [number, number, number];
   action: [number, number, number] | null;
   user: [number, number, number] | null;

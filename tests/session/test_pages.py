@@ -20,7 +20,7 @@ from study.flow.flow import FLOW
 from study.flow.page import PageContext
 from study.flow.protocol import Cause, Event, EventName, Outcome, Session, State
 from tests.support.arbiter_cases import CONDITIONS
-from tests.support.engine_cases import Person, drive, opened, paper_study, practice_setup, trial_setup
+from tests.support.engine_cases import Person, drive, opened, paper_study, practice_setup, push, run, trial_setup
 from tests.support.study_samples import shipped_study
 
 STUDY = shipped_study()
@@ -235,6 +235,13 @@ def test_assistance_is_shown_only_if_the_study_says_so(assisted: dict[str, list[
     for results in assisted.values():
         shown = messages(results, show_assistance=True)
         assert [message.assisting for message in shown] == [result.row.source == "robot" for result in results]
+
+
+def test_assistance_is_shown_where_the_robot_overrides_the_person_too() -> None:
+    results = run(opened(trial_setup("goal_oriented", gamma=0.0)), [push((0, 0, 1))] * 8)
+    (*_, last) = messages(results, show_assistance=True)
+    assert (results[-1].row.source, last.assisting) == ("blend", True)
+    assert secrets_in(messages(results)[-1]) == []
 
 
 def test_the_instruction_names_the_object_and_then_the_bin(assisted: dict[str, list[TickResult]]) -> None:

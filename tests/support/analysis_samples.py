@@ -22,7 +22,7 @@ from study.records import CONDITIONS, ParticipantRow, SurveyAnswerRow, TaskRow, 
 from study.store import Batch, Store
 from tests.support.study_samples import BINS, OBJECTS, UTC, shipped_study, task_row, tick_row
 
-SOURCES = {"u": "user", "r": "robot", "i": "idle", "g": "gripper", "x": "reset", "P": "idle", "U": "user"}
+SOURCES = {"u": "user", "b": "blend", "r": "robot", "i": "idle", "g": "gripper", "x": "reset", "P": "idle", "U": "user"}
 """One letter a tick; P and U are idle and user ticks that are the first after a pause."""
 
 

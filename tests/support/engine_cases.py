@@ -71,8 +71,10 @@ def trial_setup(
     *,
     model: TransitionModel | None = None,
     timing: RobotTiming | None = None,
+    **weights: float,
 ) -> TrialSetup:
-    """A trial on the arc layout, objects in the order of the catalogue from left to right."""
+    """A trial on the arc layout, objects in the order of the catalogue from left to right. `weights` are parameters of
+    the arbiter that are others than the study's, such as `gamma`."""
     done: list[str] = []
     cycles = []
     for object_id, bin_id in pickups:
@@ -80,14 +82,14 @@ def trial_setup(
         cycles.append(CycleSetup(layout_scene(ARC, PLACEMENT, remaining), object_id, bin_id))
         done.append(object_id)
     study = paper_study()
-    models = study.models(condition)
+    models, arbiter = study.models(condition), study.arbiters[condition]
     return TrialSetup(
         "p01",
         2,
         condition,
         "trial",
         tuple(cycles),
-        study.arbiters[condition],
+        replace(arbiter, parameters={**arbiter.parameters, **weights}),
         models=models if model is None else replace(models, transition=model),
         timing=timing or RobotTiming(),
     )

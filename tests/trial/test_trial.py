@@ -410,3 +410,34 @@ def test_driving_around_ends_nothing() -> None:
     engine = opened(trial_setup())
     results = [*go_to(engine, (0.70, 0.15, 0.95)), *run(engine, [push(RIGHT)] * 10)]
     assert not tasks_of(results) and not events_of(results)
+
+
+# ---- who decided ----------------------------------------------------------------------------------------------------
+
+
+def unit(direction: tuple[int | None, ...]) -> NDArray[np.float64]:
+    given = np.array(direction, dtype=float)
+    return given / (np.linalg.norm(given) or 1.0)
+
+
+@pytest.mark.parametrize("condition", ["goal_oriented", "balanced"])
+@pytest.mark.parametrize("gamma", [0.0, 0.01, 1e6])
+def test_a_tick_says_who_decided_and_how_far_from_what_was_asked(condition: str, gamma: float) -> None:
+    inputs = [push((0, 0, 1)), push(BACK), HANDS_OFF, push((1, 1, 0)), push((0, 0, 0)), push(LEFT)] * 4
+    rows = rows_of(run(opened(trial_setup(condition, gamma=gamma)), [*inputs, CLOSE, *inputs]))
+    for row in rows:
+        asked, taken = user(row), (row.action_x, row.action_y, row.action_z)
+        if None in asked:
+            assert row.source in ("robot", "gripper", "reset") and row.departure is None
+        else:
+            assert row.source == ("user" if asked == taken else "blend")
+            assert row.departure == pytest.approx(np.linalg.norm(unit(asked) - unit(taken)), abs=1e-12)
+            assert (row.departure == 0.0) == (row.source == "user")
+    sources = {row.source for row in rows}
+    assert ("blend" in sources) == (gamma < 1.0)
+    assert "robot" in sources and "gripper" in sources
+
+
+def test_under_teleoperation_the_person_decides() -> None:
+    rows = rows_of(run(opened(trial_setup("teleoperation", gamma=0.0)), SEQUENCE))
+    assert {(row.source, row.departure) for row in rows} == {("user", 0.0), ("idle", None)}
