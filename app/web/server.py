@@ -28,11 +28,13 @@ from app.web.arbiter_api import add_arbiter_api
 from app.web.dashboard_frames import add_dashboard_frames
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
+from app.web.page_words import in_language
 from app.web.participant_views import own_views, with_views
 from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
 from app.web.sessions_api import add_sessions_api
+from study.language.words import ENGLISH, Words
 
 log = logging.getLogger(__name__)
 
@@ -146,16 +148,26 @@ def _too_large(request: Request) -> Response | None:
 
 
 def _add_pages(app: FastAPI, lab: Lab) -> None:
-    def page(name: str, status: int = 200) -> Response:
+    def page(name: str, status: int = 200, words: Words = ENGLISH) -> Response:
         """A page of ours; its addresses begin with the lab's prefix."""
         text = with_views((STATIC / name).read_text(encoding="utf-8"), lab.flow)
+        text = in_language(text, words)
         text = text.replace('="/', f'="{prefix(lab)}/')
         headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
         return HTMLResponse(text, status, headers=headers)
 
     def forbidden() -> Response:
         """One answer for every link that is not valid: it tells nothing about what exists."""
-        return page("forbidden.html", 403)
+        return page("forbidden.html", 403, lab.setup.study.words)
+
+    async def words_of(request: Request, role: Role) -> Words:
+        """The words of the study that the holder of this page's cookie is enrolled in."""
+        held = await lab.holder(request.cookies.get(COOKIES[role]) or "")
+        try:
+            study = await lab.study_of(held[0]) if held is not None else lab.setup.study
+        except StudyUnreadable:  # the page's socket tells
+            study = lab.setup.study
+        return study.words
 
     async def enter(request: Request, token: str, role: Role) -> Response:
         """Changes nothing: whoever fetches a link may be a mail scanner. The page's socket is what begins a session."""
@@ -182,7 +194,7 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     @app.get("/join", include_in_schema=False)
     async def join_page(request: Request) -> Response:
         """Whoever fetches it may be a mail scanner: the page's button enrols (see `app.web.join_api`)."""
-        return page("join.html", STATUS.get((await look(request, lab)).answer, 200))
+        return page("join.html", STATUS.get((await look(request, lab)).answer, 200), lab.setup.study.words)
 
     @app.get("/p/{token}", include_in_schema=False)
     async def participant_link(request: Request, token: str) -> Response:
@@ -195,11 +207,12 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     @app.get("/s/{public_id}/", include_in_schema=False)
     async def participant_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
-        return page("participant.html") if allowed else forbidden()
+        return page("participant.html", words=await words_of(request, "participant")) if allowed else forbidden()
 
     @app.get("/s/{public_id}/panel/", include_in_schema=False)
     async def panel_page(request: Request, public_id: str) -> Response:
-        return page("panel.html") if await is_holder(request, public_id, "panel") else forbidden()
+        allowed = await is_holder(request, public_id, "panel")
+        return page("panel.html", words=await words_of(request, "panel")) if allowed else forbidden()
 
     @app.get("/s/{public_id}/scene/", include_in_schema=False)
     async def scene_page(request: Request, public_id: str) -> Response:

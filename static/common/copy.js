@@ -1,6 +1,7 @@
 // A button that copies text. Pages on plain http have no clipboard API; the old way still works there.
 
 import { h, setText } from "./dom.js";
+import { t } from "./language.js";
 
 /**
  * @param {() => string} textOf what to copy, asked for at the press
@@ -12,7 +13,7 @@ export function copyButton(textOf, label, testid = "copy-button") {
   const button = h("button", { type: "button", class: "secondary small", data: { testid } }, label);
   button.addEventListener("click", async () => {
     const copied = await copy(textOf());
-    button.textContent = copied ? "Copied" : "Select it and press Ctrl+C";
+    button.textContent = copied ? t("Copied") : t("Select it and press Ctrl+C");
     setTimeout(() => setText(button, label), 2500);
   });
   return button;

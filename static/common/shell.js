@@ -1,6 +1,7 @@
 // What surrounds every participant page: header, connection sign, toasts, dialogs.
 
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
+import { t, tn } from "./language.js";
 import { wordsProblem } from "./words_limit.js";
 
 /** @import { Child, IconName } from "./dom.js" */
@@ -9,13 +10,13 @@ import { wordsProblem } from "./words_limit.js";
 
 /** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
-  connecting: ["hourglass", "Connecting"],
-  open: ["check", "Connected"],
-  lost: ["lost", "Connection lost – trying again"],
-  superseded: ["warning", "Open in another tab"],
-  denied: ["warning", "Link not valid"],
-  outdated: ["warning", "Page out of date"],
-  closed: ["hourglass", "Connecting"],
+  connecting: ["hourglass", t("Connecting")],
+  open: ["check", t("Connected")],
+  lost: ["lost", t("Connection lost – trying again")],
+  superseded: ["warning", t("Open in another tab")],
+  denied: ["warning", t("Link not valid")],
+  outdated: ["warning", t("Page out of date")],
+  closed: ["hourglass", t("Connecting")],
 };
 
 const SHOWN = 2; // at once; the others wait for their turn
@@ -45,14 +46,14 @@ export class Toasts {
     this.waiting = this.waiting.filter((one) => one.text !== text);
     const close = h(
       "button",
-      { class: "quiet small", type: "button", "aria-label": "Dismiss this message" },
-      "Dismiss",
+      { class: "quiet small", type: "button", "aria-label": t("Dismiss this message") },
+      t("Dismiss"),
     );
     const toast = h(
       "div",
       { class: problem ? "toast problem" : "toast", data: { text, testid: problem ? "toast-problem" : "toast" } },
       icon(problem ? "warning" : "check"),
-      h("p", {}, problem ? h("strong", {}, "Problem: ") : null, text),
+      h("p", {}, problem ? h("strong", {}, t("Problem:"), " ") : null, text),
       close,
     );
     const leave = () => {
@@ -79,7 +80,7 @@ export class Toasts {
     }
     const { length } = this.waiting;
     this.more.hidden = length === 0;
-    setText(this.more, length === 1 ? "1 more message" : `${length} more messages`);
+    setText(this.more, tn("1 more message", "{n} more messages", length));
   }
 }
 
@@ -112,7 +113,7 @@ export function ask({
   title,
   text = [],
   confirm,
-  back = "Go back",
+  back = t("Go back"),
   field = null,
   danger = false,
   testid,
@@ -145,7 +146,7 @@ export function ask({
       event.preventDefault();
       const typed = input?.value ?? "";
       const blank = typed.trim() === "";
-      const missing = field?.required && blank ? (field.missing ?? "Please fill this in.") : "";
+      const missing = field?.required && blank ? (field.missing ?? t("Please fill this in.")) : "";
       const wrong = missing || wordsProblem(typed) || field?.check?.(typed);
       if (wrong) {
         error.hidden = false;
@@ -184,20 +185,20 @@ export class Shell {
     this.demo = h(
       "span",
       { class: "badge", hidden: true, data: { testid: "demo-badge" } },
-      "Demo – not part of the data",
+      t("Demo – not part of the data"),
     );
     this.connection = h("span", { class: "connection", role: "status", data: { testid: "connection" } });
     this.help = h(
       "button",
       { type: "button", class: "secondary small", data: { testid: "help-button" } },
       icon("help"),
-      "Help",
+      t("Help"),
     );
     this.stop = h(
       "button",
       { type: "button", class: "secondary small stop", data: { testid: "stop-button" } },
       icon("hand"),
-      "Stop",
+      t("Stop"),
     );
     this.help.addEventListener("click", onHelp);
     this.stop.addEventListener("click", onStop);
@@ -286,7 +287,7 @@ export function card({ title, lines = [], actions = [], testid, wide = false, bo
  * @param {string} button.testid
  * @returns {HTMLButtonElement}
  */
-export function stepButton({ socket, step, label, busy = "Saving", kind = "primary", testid }) {
+export function stepButton({ socket, step, label, busy = t("Saving"), kind = "primary", testid }) {
   const button = h("button", { type: "button", class: kind, data: { testid } }, label);
   button.addEventListener("click", () => {
     whileBusy(button, busy, async () => {

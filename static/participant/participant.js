@@ -1,6 +1,7 @@
 // The participant's page: one socket, one pair of hands, and a view for each state of the study.
 
 import { h } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { ask, card, Shell } from "../common/shell.js";
 import { setWordsLimit } from "../common/words_limit.js";
@@ -108,8 +109,8 @@ async function loadViews() {
 
 /** @type {MakesView} */
 function unknownView(_context, { state }) {
-  const line = `The study is in a part this page does not know (${state}). Please reload the page.`;
-  return { element: card({ title: "One moment", lines: [line] }) };
+  const line = t("The study is in a part this page does not know ({state}). Please reload the page.", { state });
+  return { element: card({ title: t("One moment"), lines: [line] }) };
 }
 
 /** @returns {void} */
@@ -133,34 +134,38 @@ async function withDialog(question) {
 async function help() {
   const driving = view instanceof DriveView;
   const text = await withDialog({
-    title: "Help",
+    title: t("Help"),
     text: driving
       ? [
-          "Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next.",
+          t(
+            "Move the gripper around the object named on the page, close it, lift, carry the object over its bin, and open the gripper. If an object falls over, go on: the page tells you what comes next.",
+          ),
         ]
-      : ["Read the page at your own pace. Everything you answer is saved when you press the button at its end."],
+      : [t("Read the page at your own pace. Everything you answer is saved when you press the button at its end.")],
     extra: driving ? h("div", { class: "legend-box" }, legendFor(input)) : null,
-    field: { label: "Do you need the experimenter? Say what is wrong (optional).", required: false },
-    confirm: "Ask the experimenter",
-    back: "Close",
+    field: { label: t("Do you need the experimenter? Say what is wrong (optional)."), required: false },
+    confirm: t("Ask the experimenter"),
+    back: t("Close"),
     testid: "help-dialog",
   });
   if (text === null) return;
   socket.submit("help", { text: text || null }).then(
-    () => shell.toasts.show("The experimenter has been told."),
+    () => shell.toasts.show(t("The experimenter has been told.")),
     () => {},
   );
 }
 
 async function stop() {
   const reason = await withDialog({
-    title: "Stop taking part?",
+    title: t("Stop taking part?"),
     text: [
-      "You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again.",
+      t(
+        "You can stop at any time, without any disadvantage. Your participation then ends and cannot be taken up again.",
+      ),
     ],
-    field: { label: "If you like, tell us why (optional).", required: false },
-    confirm: "Stop taking part",
-    back: "Go on",
+    field: { label: t("If you like, tell us why (optional)."), required: false },
+    confirm: t("Stop taking part"),
+    back: t("Go on"),
     danger: true,
     testid: "stop-dialog",
   });
@@ -169,7 +174,7 @@ async function stop() {
 
 /** @returns {HTMLButtonElement} */
 function reloadButton() {
-  const reload = h("button", { type: "button", class: "primary large" }, "Reload the page");
+  const reload = h("button", { type: "button", class: "primary large" }, t("Reload the page"));
   reload.addEventListener("click", () => location.reload());
   return reload;
 }
@@ -182,7 +187,7 @@ function final(state) {
   const again = h(
     "button",
     { type: "button", class: "primary large", data: { testid: "take-over" } },
-    "Use this tab instead",
+    t("Use this tab instead"),
   );
   again.addEventListener("click", () => {
     shown = null;
@@ -191,20 +196,22 @@ function final(state) {
   /** @type {Partial<Record<ConnectionState, Parameters<typeof card>[0]>>} */
   const pages = {
     superseded: {
-      title: "The study is open in another tab",
-      lines: ["This tab has stopped. Go on in the other one and close this one, or bring the study back here."],
+      title: t("The study is open in another tab"),
+      lines: [t("This tab has stopped. Go on in the other one and close this one, or bring the study back here.")],
       actions: [again],
       testid: "page-superseded",
     },
     denied: {
-      title: "This link does not work any more",
-      lines: ["Open the link you were given once more. If it still does not work, ask the person who gave it to you."],
+      title: t("This link does not work any more"),
+      lines: [
+        t("Open the link you were given once more. If it still does not work, ask the person who gave it to you."),
+      ],
       actions: [],
       testid: "page-denied",
     },
     outdated: {
-      title: "This page is out of date",
-      lines: ["The lab has been updated. Reload the page to go on; nothing is lost."],
+      title: t("This page is out of date"),
+      lines: [t("The lab has been updated. Reload the page to go on; nothing is lost.")],
       actions: [reloadButton()],
       testid: "page-outdated",
     },
@@ -230,7 +237,7 @@ function sentence(field, message) {
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
 socket.addEventListener("notice", (event) =>
-  shell.toasts.show(`From the experimenter: ${event.detail.text}`, {
+  shell.toasts.show(t("From the experimenter: {text}", { text: event.detail.text }), {
     stays: true,
     onDismiss: () => socket.note("message_dismissed"),
   }),
@@ -244,22 +251,24 @@ socket.addEventListener("refused", (event) => {
     () =>
       event.defaultPrevented ||
       shell.toasts.show(
-        code === "internal" ? "The lab could not save that yet. It is tried again." : sentence(field, message),
+        code === "internal" ? t("The lab could not save that yet. It is tried again.") : sentence(field, message),
         { problem: true },
       ),
   );
 });
 input.addEventListener("device", (event) => {
   if (view instanceof DriveView) return;
-  shell.toasts.show(event.detail.there ? "The gamepad is back." : "The gamepad is unplugged. The keyboard works too.");
+  shell.toasts.show(
+    event.detail.there ? t("The gamepad is back.") : t("The gamepad is unplugged. The keyboard works too."),
+  );
 });
 
 document.body.append(shell.element);
 replace(
   {
     element: card({
-      title: "One moment",
-      lines: ["Connecting to the lab."],
+      title: t("One moment"),
+      lines: [t("Connecting to the lab.")],
       sign: "hourglass",
       testid: "page-connecting",
     }),
@@ -272,8 +281,8 @@ loadViews().then(
     replace(
       {
         element: card({
-          title: "This page is not complete",
-          lines: ["A part of it could not be loaded. Nothing is lost; reload the page to go on."],
+          title: t("This page is not complete"),
+          lines: [t("A part of it could not be loaded. Nothing is lost; reload the page to go on.")],
           sign: "warning",
           actions: [reloadButton()],
           testid: "page-incomplete",

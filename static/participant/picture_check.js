@@ -1,15 +1,18 @@
 // Before anybody agrees to something they could not do: can this browser draw the robot, and if not, what may help.
 
 import { h, icon } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { canDraw } from "./webgl.js";
 
 /** @import { LabSocket } from "../wire/socket.js" */
 
 /** @type {ReadonlyArray<string>} */
 export const ADVICE = [
-  "Switch on hardware acceleration (also called graphics acceleration) in this browser's settings, and start it anew.",
-  "Close other programs and tabs that show 3-D pictures or videos.",
-  "Open the same link in another browser on a computer: Chrome, Edge or Firefox in its present version.",
+  t(
+    "Switch on hardware acceleration (also called graphics acceleration) in this browser's settings, and start it anew.",
+  ),
+  t("Close other programs and tabs that show 3-D pictures or videos."),
+  t("Open the same link in another browser on a computer: Chrome, Edge or Firefox in its present version."),
 ];
 
 /**
@@ -19,12 +22,16 @@ export const ADVICE = [
  * @returns {{ element: HTMLElement, fits: () => boolean }} `fits` looks again, and leads to the warning if it must
  */
 export function pictureCheck({ socket, needed }) {
-  const again = h("button", { type: "button", class: "secondary", data: { testid: "picture-again" } }, "Check again");
+  const again = h(
+    "button",
+    { type: "button", class: "secondary", data: { testid: "picture-again" } },
+    t("Check again"),
+  );
   const element = h(
     "section",
     { class: "no-picture", role: "alert", tabindex: "-1", hidden: true, data: { testid: "no-picture" } },
-    h("h2", {}, icon("warning"), "This browser cannot show the robot"),
-    h("p", {}, "It draws no 3-D pictures (WebGL), and you could not see what you drive. What may help:"),
+    h("h2", {}, icon("warning"), t("This browser cannot show the robot")),
+    h("p", {}, t("It draws no 3-D pictures (WebGL), and you could not see what you drive. What may help:")),
     h(
       "ul",
       {},

@@ -1,6 +1,7 @@
 // The sign that says what the robot is doing, or why it does nothing.
 
 import { h, icon, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { IconName } from "../common/dom.js" */
@@ -8,16 +9,16 @@ import { h, icon, setText } from "../common/dom.js";
 
 /** @type {Record<Sign, [sign: IconName, text: string, hint: string]>} */
 const SIGNS = {
-  lost: ["lost", "Connection lost", "The robot stands still until the connection is back."],
-  paused: ["pause", "Paused", "Nothing moves and no time passes."],
-  held: ["hand", "On hold", "The lab has not heard from this page for a moment. The robot stands still."],
-  starting: ["hourglass", "Getting ready", "The robot is being put in place. A few seconds."],
-  recovering: ["hourglass", "Recovering", "The robot is being brought back to where it was. A few seconds."],
-  ready: ["play", "Ready", "Press Start when you are."],
-  resetting: ["reset", "Resetting", "The arm goes back to its starting position by itself."],
-  gripper: ["grip", "Gripper moving", "The arm stands still for a second."],
-  running: ["play", "Running", "You can drive."],
-  finished: ["check", "Finished", "The next page follows."],
+  lost: ["lost", t("Connection lost"), t("The robot stands still until the connection is back.")],
+  paused: ["pause", t("Paused"), t("Nothing moves and no time passes.")],
+  held: ["hand", t("On hold"), t("The lab has not heard from this page for a moment. The robot stands still.")],
+  starting: ["hourglass", t("Getting ready"), t("The robot is being put in place. A few seconds.")],
+  recovering: ["hourglass", t("Recovering"), t("The robot is being brought back to where it was. A few seconds.")],
+  ready: ["play", t("Ready"), t("Press Start when you are.")],
+  resetting: ["reset", t("Resetting"), t("The arm goes back to its starting position by itself.")],
+  gripper: ["grip", t("Gripper moving"), t("The arm stands still for a second.")],
+  running: ["play", t("Running"), t("You can drive.")],
+  finished: ["check", t("Finished"), t("The next page follows.")],
 };
 
 export class StateSign {

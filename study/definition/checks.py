@@ -15,6 +15,7 @@ from study.definition.link_placeholders import placeholders
 from study.definition.questionnaires import own_ids, questionnaire_problems
 from study.definition.sections import DistractorSettings, Recruitment
 from study.definition.toml_reader import Problem, choices_sentence
+from study.definition.translations import language_problems
 from study.parts.shelf import Shelf
 
 
@@ -66,6 +67,7 @@ def cross_problems(data: Mapping[str, Any], world: WorldCheck | None, shelf: She
     yield from _recruitment_problems(data.get("recruitment"))
     yield from questionnaire_problems(data)
     yield from layout_problems(data, world)
+    yield from language_problems(data)
 
 
 def _or_own(name: str) -> str:

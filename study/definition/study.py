@@ -15,7 +15,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -64,6 +64,9 @@ from study.definition.toml_reader import (
     report,
 )
 from study.definition.toml_writer import as_table, long_text, toml
+from study.definition.translations import LanguageTag, TranslationFile, TranslationName, translation_beside
+from study.language.catalogue import words_for
+from study.language.words import Words
 from study.parts.code import Code
 from study.parts.errors import PartError
 from study.parts.shelf import Shelf
@@ -101,6 +104,15 @@ class Study(Part):
 
     title: Text
     """Name of the study, as participants see it."""
+    language: LanguageTag = "en"
+    """What its participants read, as a tag such as `de` or `pt-BR`. The lab's own texts are shown in it; the study's
+    texts stand in this file as they are."""
+    dir: Literal["ltr", "rtl"] | None = None
+    """Which way the pages run; the language's own if left out."""
+    translation: TranslationName = ""
+    """A file beside this one, such as `my-study.de.po`, that translates the lab's texts, or words them anew. What it
+    lacks is as in the translation that ships, or in English."""
+    translations: Annotated[tuple[TranslationFile, ...], Field(max_length=1)] = ()
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
@@ -156,6 +168,11 @@ class Study(Part):
         """The questionnaires after every trial, in the order asked."""
         own = {form.id: form.instrument for form in self.questionnaires}
         return tuple(own.get(name) or built_in(name, self.distractor.kind) for name in self.surveys)
+
+    @property
+    def words(self) -> Words:
+        """The lab's texts in the study's language."""
+        return words_for(self.language, self.dir, "".join(file.text for file in self.translations))
 
     @property
     def own_layout(self) -> LayoutSection | None:
@@ -221,6 +238,7 @@ def _with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[Fil
     added, beside = _layout_beside(file, data, problems)
     unread: list[Problem] = []
     added = [*_questionnaires_beside(file, data, shelf, problems, unread), *added]
+    added += translation_beside(file, data, problems)
     if shelf is not None:
         codes, unread_code = sources_beside(data, file.parent, shelf)
         added += [code_table(code) for code in codes]

@@ -34,6 +34,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.worker", "app.simulated"),
     ("app.trial",),
     ("app.wire", "app.config"),
+    ("app.texts",),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
@@ -41,7 +42,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.store",),
     ("study.flow",),
     ("study.definition",),
-    ("study.parts",),
+    ("study.parts", "study.language"),
     ("study.records",),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
@@ -74,6 +75,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "aiosqlite": (),
     "alembic": ("study.store",),
     "pyarrow": ("study.export.data_package",),
+    "babel": ("study.language", "app.texts"),
     "matplotlib": ("study.analysis.figures", "app.report.layout_picture"),
     "statsmodels": ("study.analysis.linear_model", "study.analysis.mixed_model"),
 }
@@ -81,6 +83,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
 
 PURE = (
     *("app.autonomy", "app.wire", "app.errors", "study.records", "study.parts", "study.definition", "study.flow"),
+    *("study.language.words",),
     *("study.analysis.measures", "study.analysis.summaries", "study.analysis.observations"),
     *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.views"),
 )

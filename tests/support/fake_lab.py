@@ -25,15 +25,17 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from app.web.page_words import in_language
 from app.web.participant_views import with_views
 from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE
 from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.flow import FLOW
+from study.language.words import ENGLISH, Words
 from tests.support.fake_pages import CONTENT, ENDS, NEXT
 
 STATIC = Path(__file__).resolve().parents[2] / "static"
@@ -54,6 +56,7 @@ class FakeLab:
         state: str = "consent",
         stimuli: Message | None = None,
     ) -> None:
+        self.words: Words = ENGLISH  # what its documents are written in
         self.welcome: Message = {
             "type": "welcome",
             "protocol": 1,
@@ -250,15 +253,17 @@ class FakeLab:
             self._loop.call_later(0.05, self._when_listening)
             yield
 
+        def document(html: str) -> Response:
+            return HTMLResponse(in_language(html, self.words), headers={"Cache-Control": "no-store"})
+
         def file(name: str) -> Callable[[Request], Any]:
             async def answer(_: Request) -> Response:
-                return FileResponse(STATIC / name, headers={"Cache-Control": "no-store"})
+                return document((STATIC / name).read_text(encoding="utf-8"))
 
             return answer
 
         async def participant_page(_: Request) -> Response:
-            html = (STATIC / "participant.html").read_text(encoding="utf-8")
-            return HTMLResponse(with_views(html, FLOW), headers={"Cache-Control": "no-store"})
+            return document(with_views((STATIC / "participant.html").read_text(encoding="utf-8"), FLOW))
 
         async def scene(_: Request) -> Response:
             return HTMLResponse(SCENE)

@@ -1,5 +1,6 @@
 // The rest between two trials.
 
+import { t } from "../../common/language.js";
 import { card, stepButton } from "../../common/shell.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
@@ -12,7 +13,7 @@ import { card, stepButton } from "../../common/shell.js";
 export function view({ socket }, page) {
   const { text, next_trial } = page.content;
   const element = card({
-    title: "Time for a break",
+    title: t("Time for a break"),
     lines: text,
     sign: "hourglass",
     testid: "page-break",
@@ -20,7 +21,7 @@ export function view({ socket }, page) {
       stepButton({
         socket,
         step: "continue",
-        label: `Continue with round ${next_trial} of ${page.trials}`,
+        label: t("Continue with round {trial} of {trials}", { trial: next_trial, trials: page.trials }),
         kind: "primary large",
         testid: "continue-button",
       }),

@@ -1,6 +1,7 @@
 // What taking part means: agree, or choose not to.
 
 import { freshId, h, icon, whileBusy } from "../../common/dom.js";
+import { t } from "../../common/language.js";
 import { ask, card } from "../../common/shell.js";
 import { paragraphs } from "../forms.js";
 import { pictureCheck } from "../picture_check.js";
@@ -21,7 +22,7 @@ export function view({ socket }, page) {
     "p",
     { class: "field-error", role: "alert", hidden: true },
     icon("warning"),
-    h("span", {}, "Tick the box above if you agree, or choose not to take part."),
+    h("span", {}, t("Tick the box above if you agree, or choose not to take part.")),
   );
   box.addEventListener("change", () => {
     error.hidden = true;
@@ -29,27 +30,27 @@ export function view({ socket }, page) {
   const agree = h(
     "button",
     { type: "submit", class: "primary large", data: { testid: "consent-agree" } },
-    "Agree and continue",
+    t("Agree and continue"),
   );
   const decline = h(
     "button",
     { type: "button", class: "secondary large", data: { testid: "consent-decline" } },
-    "I do not want to take part",
+    t("I do not want to take part"),
   );
   decline.addEventListener("click", async () => {
     const answer = await ask({
-      title: "Not take part?",
-      text: ["Nothing has been recorded about you. You cannot come back with this link."],
-      confirm: "Do not take part",
+      title: t("Not take part?"),
+      text: [t("Nothing has been recorded about you. You cannot come back with this link.")],
+      confirm: t("Do not take part"),
       danger: true,
       testid: "decline-dialog",
     });
-    if (answer !== null) whileBusy(decline, "Saving", () => socket.submit("decline").catch(() => {}));
+    if (answer !== null) whileBusy(decline, t("Saving"), () => socket.submit("decline").catch(() => {}));
   });
   const form = h(
     "form",
     { novalidate: true },
-    h("label", { class: "agree", for: boxId }, box, h("span", {}, "I have read this and I agree to take part.")),
+    h("label", { class: "agree", for: boxId }, box, h("span", {}, t("I have read this and I agree to take part."))),
     error,
     h("div", { class: "actions" }, agree, decline),
   );
@@ -61,10 +62,10 @@ export function view({ socket }, page) {
       return;
     }
     if (!picture.fits()) return;
-    whileBusy(agree, "Saving", () => socket.submit("consent", { accepted: true, hash }).catch(() => {}));
+    whileBusy(agree, t("Saving"), () => socket.submit("consent", { accepted: true, hash }).catch(() => {}));
   });
   const element = card({
-    title: title || "Taking part",
+    title: title || t("Taking part"),
     testid: "page-consent",
     body: [
       picture.element,

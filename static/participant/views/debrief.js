@@ -1,6 +1,7 @@
 // What it was about, and room for a word about it.
 
 import { h } from "../../common/dom.js";
+import { t } from "../../common/language.js";
 import { card } from "../../common/shell.js";
 import { keptQuestions, paragraphs, questionForm } from "../forms.js";
 
@@ -23,13 +24,13 @@ export function view({ socket, session }, page) {
   const { form, close } = questionForm({
     socket,
     questions,
-    submitText: "Finish",
+    submitText: t("Finish"),
     step: "debrief",
     key,
     testid: "debrief-submit",
   });
   const element = card({
-    title: "What this was about",
+    title: t("What this was about"),
     testid: "page-debrief",
     body: [h("div", { class: "prose" }, paragraphs(page.content.text)), form],
   });

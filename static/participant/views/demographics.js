@@ -1,5 +1,6 @@
 // Questions about the person.
 
+import { t } from "../../common/language.js";
 import { card } from "../../common/shell.js";
 import { keptQuestions, questionForm } from "../forms.js";
 
@@ -17,14 +18,14 @@ export function view({ socket, session }, page) {
   const { form, close } = questionForm({
     socket,
     questions,
-    submitText: "Continue",
+    submitText: t("Continue"),
     step: "demographics",
     key,
     testid: "demographics-submit",
   });
   const element = card({
-    title: "About you",
-    lines: ["A few short questions before we begin."],
+    title: t("About you"),
+    lines: [t("A few short questions before we begin.")],
     body: form,
     testid: "page-demographics",
   });

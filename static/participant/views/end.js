@@ -1,6 +1,7 @@
 // The last page, whichever way it came to it.
 
 import { h, setText } from "../../common/dom.js";
+import { t, tn } from "../../common/language.js";
 import { safeLink } from "../../common/links.js";
 import { card } from "../../common/shell.js";
 import { tab } from "../../common/store.js";
@@ -10,10 +11,10 @@ import { tab } from "../../common/store.js";
 
 /** @type {Record<"done" | "withdrawn" | "aborted" | "screened_out", [title: string, sign: IconName]>} */
 const ENDS = {
-  done: ["Thank you", "check"],
-  withdrawn: ["You have stopped taking part", "hand"],
-  aborted: ["The session was ended", "warning"],
-  screened_out: ["This study does not fit your device", "info"],
+  done: [t("Thank you"), "check"],
+  withdrawn: [t("You have stopped taking part"), "hand"],
+  aborted: [t("The session was ended"), "warning"],
+  screened_out: [t("This study does not fit your device"), "info"],
 };
 
 const FORWARD_S = 10;
@@ -39,7 +40,7 @@ export function view({ socket, session }, page) {
     const onward = h(
       "a",
       { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "completion-link" } },
-      page.state === "done" ? "Continue to the completion page" : "Continue",
+      page.state === "done" ? t("Continue to the completion page") : t("Continue"),
     );
     const actions = h("div", { class: "actions" }, onward);
     last.replaceChildren(actions);
@@ -49,9 +50,10 @@ export function view({ socket, session }, page) {
     const stay = h(
       "button",
       { type: "button", class: "secondary large", data: { testid: "forward-stay" } },
-      "Stay on this page",
+      t("Stay on this page"),
     );
-    const say = () => setText(words, `You are taken there in ${left} seconds.`);
+    const say = () =>
+      setText(words, tn("You are taken there in one second.", "You are taken there in {n} seconds.", left));
     stay.addEventListener("click", () => {
       clearInterval(timer);
       words.remove();
@@ -81,7 +83,7 @@ export function view({ socket, session }, page) {
           "p",
           { class: "waiting", role: "status", data: { testid: "still-saving" } },
           h("span", { class: "spinner", "aria-hidden": "true" }),
-          "Your last answers are on their way. Please keep this page open until this line is gone.",
+          t("Your last answers are on their way. Please keep this page open until this line is gone."),
         ),
       );
     else if (link) forward(link);

@@ -1,6 +1,7 @@
 // What is to be done, and whether that was understood.
 
 import { h } from "../../common/dom.js";
+import { t, tn } from "../../common/language.js";
 import { card } from "../../common/shell.js";
 import { keptQuestions, questionForm } from "../forms.js";
 
@@ -14,9 +15,11 @@ import { keptQuestions, questionForm } from "../forms.js";
  * @returns {string}
  */
 const howMany = (count) =>
-  count === 1
-    ? "One short question. You can try as often as you need."
-    : `${count} short questions. You can try as often as you need.`;
+  tn(
+    "One short question. You can try as often as you need.",
+    "{n} short questions. You can try as often as you need.",
+    count,
+  );
 
 /**
  * @param {Context} context
@@ -30,7 +33,7 @@ export function view({ socket, session }, page) {
   const { form, close } = questionForm({
     socket,
     questions,
-    submitText: items.length > 0 ? "Check my answers and continue" : "Continue",
+    submitText: items.length > 0 ? t("Check my answers and continue") : t("Continue"),
     step: "instructions",
     key,
     testid: "instructions-submit",
@@ -43,12 +46,12 @@ export function view({ socket, session }, page) {
   const asked = h(
     "div",
     { class: "panel", data: { testid: "instructions-questions" } },
-    h("h2", {}, "Did we explain it well?"),
+    h("h2", {}, t("Did we explain it well?")),
     h("p", {}, howMany(items.length)),
     form,
   );
   const element = card({
-    title: "What you will do",
+    title: t("What you will do"),
     testid: "page-instructions",
     wide: items.length > 0,
     body: items.length > 0 ? h("div", { class: "two-columns" }, lines, asked) : [lines, form],

@@ -1,6 +1,7 @@
 // The pause, as a page of its own or over the stopped scene.
 
 import { h } from "../../common/dom.js";
+import { t } from "../../common/language.js";
 import { card, stepButton } from "../../common/shell.js";
 import { ADVICE } from "../picture_check.js";
 
@@ -20,32 +21,34 @@ export function view({ socket }, page, load = null) {
   const again = h(
     "button",
     { type: "button", class: "secondary", data: { testid: "picture-load" } },
-    "Load the picture again",
+    t("Load the picture again"),
   );
   again.addEventListener("click", () => load?.());
   const reload = h(
     "button",
     { type: "button", class: "secondary", data: { testid: "page-reload" } },
-    "Reload the page",
+    t("Reload the page"),
   );
   reload.addEventListener("click", () => location.reload());
   const goOn = can_resume
     ? stepButton({
         socket,
         step: "resume",
-        label: "Go on",
-        busy: "Going on",
+        label: t("Go on"),
+        busy: t("Going on"),
         kind: "primary large",
         testid: "resume-button",
       })
-    : waiting(causes.includes("experimenter") || !unseen ? "Waiting for the experimenter" : "Waiting for the picture");
+    : waiting(
+        causes.includes("experimenter") || !unseen ? t("Waiting for the experimenter") : t("Waiting for the picture"),
+      );
   const element = card({
-    title: "Paused",
+    title: t("Paused"),
     sign: "pause",
     lines: [text],
     testid: "page-paused",
     body: unseen && [
-      h("p", {}, "If it does not come back:"),
+      h("p", {}, t("If it does not come back:")),
       h(
         "ul",
         { class: "advice" },
