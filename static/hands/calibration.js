@@ -1,11 +1,12 @@
 // "Press what the page asks": finds the pad that was touched, waits for it to rest, and learns one control after another.
+// Whatever stands in the way is named, and there is always a way back.
 
 import { h, icon, setText } from "../common/dom.js";
-import { ACTIONS, Calibration, DEAD_ZONE, LABELS, OPTIONAL, snapshot } from "./mapping.js";
+import { Learning } from "./learning.js";
+import { ACTIONS, LABELS, OPTIONAL, snapshot } from "./mapping.js";
 
-/** @import { Pads, remembered } from "./gamepad.js" */
-/** @import { Pad } from "./input.js" */
-/** @import { Action, Mapping } from "./mapping.js" */
+/** @import { Pad, PadProblem, Pads } from "./gamepad.js" */
+/** @import { Action } from "./mapping.js" */
 
 /** @type {Record<Action, string>} */
 const WAYS = {
@@ -19,18 +20,31 @@ const WAYS = {
   open: "The button that opens the gripper",
   view: "A button that switches the view",
 };
+/** @type {Record<PadProblem, string>} */
+const PROBLEMS = {
+  absent:
+    "This browser gives this page no gamepads: it is too old, or the page was not opened over https. Chrome, Edge and Firefox can do it.",
+  refused: "This browser refuses to show gamepads to this page. A setting or an extension forbids it.",
+};
 
 /**
- * Asks for one control after another; `known` offers what was learned of a pad before.
+ * Asks for one control after another.
  *
- * @param {{ pads: Pads, known: typeof remembered, onDone: (pad: Pad) => void }} wiring
+ * @param {object} wiring
+ * @param {Pads} wiring.pads
+ * @param {(padId: string) => Pad | null} wiring.known what was learned of a pad before
+ * @param {(pad: Pad, slot: number) => void} wiring.onDone
+ * @param {(() => void) | null} wiring.useKeyboard null where the study needs a gamepad
  * @returns {{ element: HTMLElement, close: () => void }}
  */
-export function calibrate({ pads, known, onDone }) {
+export function calibrate({ pads, known, onDone, useKeyboard }) {
   const title = h("h3", { "aria-live": "assertive", data: { testid: "calibration-prompt" } });
   const hint = h("p", { class: "hint" });
   const warnText = h("span", {});
   const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), warnText);
+  const blockText = h("span", { data: { testid: "calibration-blocking" } });
+  const ignore = button("calibration-ignore", "Ignore");
+  const block = h("div", { class: "calibration-block", role: "status", hidden: true }, blockText, ignore);
   const items = [...ACTIONS, ...OPTIONAL].map((action) => {
     const mark = h("span", { class: "mark", "aria-hidden": "true" });
     return { action, mark, element: h("li", { data: { action } }, mark, h("span", {}, LABELS[action])) };
@@ -40,17 +54,10 @@ export function calibrate({ pads, known, onDone }) {
     { class: "calibration-list" },
     items.map((item) => item.element),
   );
-  const restart = h(
-    "button",
-    { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-restart" } },
-    icon("reset"),
-    "Start over",
-  );
-  const skip = h(
-    "button",
-    { type: "button", class: "secondary small", hidden: true, data: { testid: "calibration-skip" } },
-    "Go on without it",
-  );
+  const restart = button("calibration-restart", "Start over");
+  restart.prepend(icon("reset"));
+  const skip = button("calibration-skip", "Go on without it");
+  const keyboard = button("calibration-keyboard", "Use the keyboard instead");
   const element = h(
     "div",
     { class: "calibration", data: { testid: "calibration", step: "wake" } },
@@ -58,22 +65,29 @@ export function calibrate({ pads, known, onDone }) {
       "div",
       { class: "calibration-ask" },
       icon("gamepad"),
-      h("div", {}, title, hint, warn, h("div", { class: "actions" }, skip, restart)),
+      h("div", {}, title, hint, warn, block, h("div", { class: "actions" }, skip, restart, keyboard)),
     ),
     list,
   );
-  // Waiting for a touch: no pad. Waiting for it to rest: a pad. Learning: both.
-  /** @type {string | null} */
-  let padId = null;
-  /** @type {Calibration | null} */
-  let learning = null;
+  // Waiting for a touch: no pad. Learning, which begins with waiting for rest: a pad.
+  /** @type {{ padId: string, slot: number, isStandard: boolean } | null} */
+  let pad = null;
+  let learning = new Learning();
+  let isAnew = false; // what was learned before was not wanted
 
   function draw() {
-    const asked = learning?.step ?? null;
-    element.dataset.step = padId === null ? "wake" : learning === null ? "rest" : (asked ?? "done");
-    restart.hidden = learning === null;
-    skip.hidden = !learning?.isOptional;
-    if (padId === null) {
+    const asked = learning.step;
+    element.dataset.step = pad === null ? "wake" : (asked ?? (learning.learned ? "done" : "rest"));
+    keyboard.hidden = useKeyboard === null || (pads.problem === null && pad !== null);
+    skip.hidden = !learning.isOptional;
+    restart.hidden = pads.problem !== null;
+    if (pads.problem !== null) {
+      setText(title, "No gamepad can be used here");
+      setText(
+        hint,
+        `${PROBLEMS[pads.problem]} ${useKeyboard ? "The keyboard does the same." : "This study needs a gamepad: please tell whoever gave you the link."}`,
+      );
+    } else if (pad === null) {
       setText(title, "Press any button on your gamepad");
       setText(
         hint,
@@ -81,9 +95,9 @@ export function calibrate({ pads, known, onDone }) {
           ? "Connected. The page starts with the pad you touch."
           : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.",
       );
-    } else if (learning === null) {
+    } else if (learning.phase === "rest") {
       setText(title, "Let go of everything");
-      setText(hint, padId);
+      setText(hint, pad.padId);
     } else {
       setText(title, learning.holding || asked === null ? "Good, now let go" : `${WAYS[asked]}, then let go`);
       setText(
@@ -93,69 +107,95 @@ export function calibrate({ pads, known, onDone }) {
           : "Use the stick, cross or button you would like to use for it.",
       );
     }
-    warn.hidden = !learning?.message;
-    setText(warnText, learning?.message ?? "");
+    warn.hidden = !learning.message;
+    setText(warnText, learning.message);
+    drawBlocking();
     for (const item of items) {
-      const learned = learning !== null && item.action in learning.mapping;
+      const learned = item.action in learning.mapping;
       item.element.className = learned ? "learned" : item.action === asked ? "asked" : "";
       item.mark.replaceChildren(...(learned ? [icon("check")] : []));
     }
   }
 
+  function drawBlocking() {
+    const stuck = pad === null ? pads.stuck() : [];
+    const held = pad === null ? stuck : learning.blocking;
+    block.hidden = held.length === 0;
+    ignore.hidden = pad === null;
+    const what = `${held.slice(0, 3).join(", ")}${held.length > 3 ? " and more" : ""}`;
+    const words = pad
+      ? `${what}: let go, or press Ignore if nobody touches it.`
+      : `${what} is held down: let go. What stays pressed is left alone.`;
+    setText(blockText, held.length > 0 ? words : "");
+  }
+
   function poll() {
-    if (padId === null) {
+    if (pad === null) {
       const touched = pads.touched();
+      drawBlocking();
       if (!touched) return;
-      padId = touched.id;
-      const before = known(padId);
-      if (before) {
-        close();
-        onDone({ padId, mapping: before.mapping, deadZone: before.dead_zone });
-      } else draw();
+      pad = { padId: touched.id, slot: touched.index, isStandard: touched.mapping === "standard" };
+      learning = new Learning();
+      const before = isAnew ? null : known(pad.padId);
+      if (before) finish(before);
+      else draw();
       return;
     }
-    const now = pads.find(padId);
-    if (!now) {
-      padId = null;
-      learning = null;
-      draw();
-      return;
-    }
-    const state = snapshot(now);
-    if (learning === null) {
-      if (state.buttons.some((value) => value > 0.25)) return;
-      learning = new Calibration(state);
-      draw();
-      return;
-    }
-    const changed = learning.feed(state);
-    if (learning.learned) finish(learning.learned);
-    else if (changed) draw();
+    const now = pads.find(pad.padId, pad.slot);
+    if (!now) return startOver();
+    const changed = learning.feed(snapshot(now), performance.now());
+    if (!finishLearned() && changed) draw();
   }
 
-  /** @param {Mapping} mapping */
-  function finish(mapping) {
-    if (padId === null) return;
+  /** @returns {boolean} */
+  function finishLearned() {
+    const mapping = learning.learned;
+    if (pad === null || mapping === null) return false;
+    finish({ padId: pad.padId, mapping, deadZone: learning.deadZone, isStandard: pad.isStandard });
+    return true;
+  }
+
+  /** @param {Pad} learned */
+  function finish(learned) {
+    if (pad === null) return;
     close();
-    onDone({ padId, mapping, deadZone: DEAD_ZONE.default });
+    onDone(learned, pad.slot);
   }
 
-  const onPads = () => draw();
-  restart.addEventListener("click", () => {
-    learning = null;
+  function startOver() {
+    pad = null;
+    learning = new Learning();
     draw();
+  }
+
+  restart.addEventListener("click", () => {
+    isAnew = true;
+    startOver();
   });
   skip.addEventListener("click", () => {
-    learning?.skip();
-    if (learning?.learned) finish(learning.learned);
-    else draw();
+    learning.skip();
+    if (!finishLearned()) draw();
   });
+  ignore.addEventListener("click", () => {
+    learning.ignore();
+    draw();
+  });
+  keyboard.addEventListener("click", () => useKeyboard?.());
   pads.addEventListener("poll", poll);
-  pads.addEventListener("pads", onPads);
+  pads.addEventListener("pads", draw);
   function close() {
     pads.removeEventListener("poll", poll);
-    pads.removeEventListener("pads", onPads);
+    pads.removeEventListener("pads", draw);
   }
   draw();
   return { element, close };
+}
+
+/**
+ * @param {string} testid
+ * @param {string} label
+ * @returns {HTMLButtonElement}
+ */
+function button(testid, label) {
+  return h("button", { type: "button", class: "secondary small", data: { testid } }, label);
 }

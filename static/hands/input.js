@@ -9,12 +9,15 @@ import { chosenDevice } from "./keyboard.js";
 
 /** @import { Heartbeat, Welcome } from "../../tests/javascript/wire.d.ts" */
 /** @import { LabSocket } from "../wire/socket.js" */
-/** @import { Pads } from "./gamepad.js" */
+/** @import { Pad, Pads } from "./gamepad.js" */
 /** @import { ChosenDevice, GripperPress, HandsEvents, Keyboard } from "./keyboard.js" */
-/** @import { Direction, Mapping } from "./mapping.js" */
+/** @import { Action, Direction } from "./mapping.js" */
 /** @typedef {NonNullable<Heartbeat["device"]>} Device */
-/** @typedef {{ direction: Direction | null, device: Device }} Hands */
-/** @typedef {{ padId: string, mapping: Mapping, deadZone: number }} Pad a pad and what was learned of it */
+/**
+ * What the hands do, whether they drive or not; `waiting` is pushed, and counts once it was let go.
+ *
+ * @typedef {{ direction: Direction | null, device: Device, waiting: Action[] }} Hands
+ */
 
 /**
  * @param {Direction | null} a
@@ -29,7 +32,7 @@ function sameDirection(a, b) {
  * Emits "hands" for indicators, "gripper" and "view" (switch it) for each press, "device" when the
  * pad in use comes or goes.
  *
- * @extends {Emitter<{ hands: Hands, gripper: GripperPress, view: null, device: { device: Device, there: boolean } }>}
+ * @extends {Emitter<{ hands: Hands, gripper: GripperPress, view: null, device: { device: Device, there: boolean, again: boolean } }>}
  */
 export class Input extends Emitter {
   /** @param {{ socket: LabSocket, keyboard: Keyboard, pads: Pads, session: string }} wiring */
@@ -45,7 +48,6 @@ export class Input extends Emitter {
     this.direction = null; // as told to the lab
     /** @type {ChosenDevice["device"] | null} */
     this.chosen = null;
-    this._padWasThere = false;
     this._everyMs = 0;
     this._timer = new HeartbeatTimer();
     this._timer.addEventListener("beat", () => this._beat());
@@ -58,7 +60,8 @@ export class Input extends Emitter {
       device.addEventListener("gripper", (event) => this._gripper(event.detail));
       device.addEventListener("view", () => this.emit("view"));
     }
-    pads.addEventListener("pads", () => this._padsChanged());
+    pads.addEventListener("pads", () => this._announce());
+    pads.addEventListener("plug", (event) => this._plugged(event.detail));
     socket.addEventListener("welcome", (event) => this._welcome(event.detail));
     document.addEventListener("visibilitychange", () => {
       socket.note(document.hidden ? "page_hidden" : "page_visible");
@@ -82,19 +85,18 @@ export class Input extends Emitter {
    *
    * @param {ChosenDevice["device"]} device
    * @param {Pad | null} [pad]
+   * @param {number | null} [slot] where the browser lists the pad
    * @returns {void}
    */
-  choose(device, pad = null) {
+  choose(device, pad = null, slot = null) {
     this.chosen = device;
     chosenDevice.set(this.session, { device, pad_id: pad?.padId ?? null });
-    if (device === "gamepad" && pad) this.pads.use(pad.padId, pad.mapping, pad.deadZone);
-    else this.pads.stop();
-    this._padWasThere = this.pads.present;
+    this.pads.use(device === "gamepad" ? pad : null, slot);
     this._announce();
   }
 
   /**
-   * Turns the hands on or off. Off lets go; on starts from what is held now (keys must be pressed anew).
+   * Turns the hands on or off. Off lets go of everything: what is held then counts once it was let go and pressed anew.
    *
    * @param {boolean} on
    * @returns {void}
@@ -103,7 +105,10 @@ export class Input extends Emitter {
     if (this.driving === on) return;
     this.driving = on;
     if (on && this.keyboard.scope === null) this.keyboard.listen(document);
-    if (!on) this.keyboard.listen(null);
+    if (!on) {
+      this.keyboard.listen(null);
+      this.pads.release();
+    }
     this._changed();
   }
 
@@ -125,7 +130,7 @@ export class Input extends Emitter {
       const known = remembered(kept.pad_id);
       if (known) {
         this.chosen = "gamepad";
-        this.pads.use(kept.pad_id, known.mapping, known.dead_zone);
+        this.pads.use(known);
       } else this.chosen = "keyboard";
     }
   }
@@ -153,17 +158,20 @@ export class Input extends Emitter {
   }
 
   _announce() {
-    this.emit("hands", { direction: this.hands(), device: this.device });
+    this.emit("hands", { direction: this.hands(), device: this.device, waiting: this.pads.waiting() });
   }
 
-  _padsChanged() {
-    const there = this.pads.present;
-    if (this.chosen === "gamepad" && there !== this._padWasThere) {
-      this._padWasThere = there;
-      this.socket.note(there ? "pad_plugged" : "pad_unplugged", { pad_id: (this.pads.padId ?? "").slice(0, 200) });
-      this.emit("device", { device: this.device, there });
-    }
-    this._announce();
+  /**
+   * The pad in use comes or goes. A browser hides pads from a new page until they are touched, so that the first coming is
+   * no plugging in.
+   *
+   * @param {{ there: boolean, again: boolean }} plug
+   */
+  _plugged({ there, again }) {
+    if (this.chosen !== "gamepad") return;
+    if (!there || again)
+      this.socket.note(there ? "pad_plugged" : "pad_unplugged", { pad_id: (this.pads.pad?.padId ?? "").slice(0, 200) });
+    this.emit("device", { device: this.device, there, again });
   }
 
   /** @param {Welcome} welcome */

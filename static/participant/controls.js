@@ -5,7 +5,8 @@ import { LEGEND } from "../hands/keyboard.js";
 import { controlName } from "../hands/mapping.js";
 
 /** @import { Input } from "../hands/input.js" */
-/** @import { Action, Mapping } from "../hands/mapping.js" */
+/** @import { Pad } from "../hands/gamepad.js" */
+/** @import { Action } from "../hands/mapping.js" */
 
 /** @type {[what: string, ...actions: Action[]][]} */
 const PAIRS = [
@@ -41,10 +42,10 @@ export function keyboardLegend() {
 /**
  * A table of the learned controls of a pad.
  *
- * @param {Mapping} mapping
+ * @param {Pad} pad
  * @returns {HTMLTableElement}
  */
-export function padLegend(mapping) {
+export function padLegend({ mapping }) {
   return h(
     "table",
     { class: "legend" },
@@ -68,5 +69,5 @@ export function padLegend(mapping) {
  * @returns {HTMLTableElement}
  */
 export function legendFor(input) {
-  return input.device === "gamepad" && input.pads.mapping ? padLegend(input.pads.mapping) : keyboardLegend();
+  return input.device === "gamepad" && input.pads.pad ? padLegend(input.pads.pad) : keyboardLegend();
 }

@@ -307,18 +307,23 @@ export class DriveView {
     }, NOTICE_MS);
   }
 
-  /** @param {{ there: boolean }} pad */
-  _device({ there }) {
+  /** @param {{ there: boolean, again: boolean }} pad */
+  _device({ there, again }) {
     this._drawLegend();
     this._say(
       there
-        ? "The gamepad is back. You can use it again."
+        ? `The gamepad is ${again ? "back" : "here"}. You can use it ${again ? "again" : "now"}.`
         : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.",
     );
   }
 
   _drawLegend() {
-    this.legend.replaceChildren(legendFor(this.input));
+    const { chosen, device, pads } = this.input;
+    const isHidden = chosen === "gamepad" && device !== "gamepad" && pads.problem === null;
+    this.legend.replaceChildren(
+      isHidden ? h("p", { class: "hint" }, "To drive with the gamepad, press any of its buttons.") : "",
+      legendFor(this.input),
+    );
   }
 
   /** @returns {boolean} */

@@ -1,6 +1,7 @@
 // A small picture of the hands: which directions are on, which device they come from.
 
 import { h, icon, s, setText } from "../common/dom.js";
+import { LABELS } from "../hands/mapping.js";
 
 /** @import { IconName } from "../common/dom.js" */
 /** @import { Device, Hands, Input } from "../hands/input.js" */
@@ -52,20 +53,21 @@ export function indicator(input) {
     ),
     words,
   );
-  const show = (/** @type {Hands} */ { direction, device: name }) => {
+  const show = (/** @type {Hands} */ { direction, device: name, waiting }) => {
     const on = [];
     for (const arrow of arrows) {
       const lit = direction !== null && direction[arrow.axis] === arrow.sign;
       arrow.path.classList.toggle("on", lit);
       if (lit) on.push(arrow.name);
     }
-    setText(held, on.length ? on.join(" + ") : "hands off");
+    const once = waiting.map((action) => LABELS[action]).join(", ");
+    setText(held, on.length ? on.join(" + ") : once ? `let go of it once: ${once}` : "hands off");
     if (device.dataset.name !== name) {
       device.dataset.name = name;
       device.replaceChildren(icon(DEVICE[name][0]), h("span", {}, DEVICE[name][1]));
     }
   };
   const close = input.on("hands", (event) => show(event.detail));
-  show({ direction: input.hands(), device: input.device });
+  show({ direction: input.hands(), device: input.device, waiting: [] });
   return { element, words, close };
 }

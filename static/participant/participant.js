@@ -258,9 +258,9 @@ socket.addEventListener("refused", (event) => {
 });
 input.addEventListener("device", (event) => {
   if (view instanceof DriveView) return;
-  shell.toasts.show(
-    event.detail.there ? t("The gamepad is back.") : t("The gamepad is unplugged. The keyboard works too."),
-  );
+  const { there, again } = event.detail;
+  if (there && !again) return; // the browser shows it to this page for the first time
+  shell.toasts.show(there ? t("The gamepad is back.") : t("The gamepad is unplugged. The keyboard works too."));
 });
 
 document.body.append(shell.element);

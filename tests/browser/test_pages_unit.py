@@ -303,43 +303,6 @@ def test_a_key_and_a_button_of_the_pad_switch_the_view(page: Page, lab: FakeLab)
     assert lab.inputs() == [], "and moves nothing"
 
 
-MAPPING_CASES = """async () => {
-  const { Calibration, active, directionOf } = await import("/static/hands/mapping.js");
-  const rest = (axes) => ({ axes, buttons: [0, 0, 0, 0] });
-  const out = {};
-  // A D-pad folded into one axis, released = 1.28; diagonals lie between the learned values.
-  const hat = new Calibration(rest([1.2857]));
-  for (const value of [-1, 0.1429, 0.7143, -0.4286]) { hat.feed(rest([value])); hat.feed(rest([1.2857])); }
-  out.hat = Object.fromEntries(Object.entries(hat.mapping).map(([action, control]) => [action, control.value]));
-  out.diagonal = directionOf(active(rest([-0.7143]), hat.mapping, 0.35));
-  out.released = directionOf(active(rest([1.2857]), hat.mapping, 0.35));
-  // A trigger that rests at -1, and a control that is taken already.
-  const trigger = new Calibration(rest([-1, 0]));
-  trigger.feed(rest([1, 0])); trigger.feed(rest([-1, 0]));
-  trigger.feed(rest([1, 0])); trigger.feed(rest([-1, 0]));
-  out.learned = Object.keys(trigger.mapping);
-  out.message = trigger.message;
-  // A stick at the edge of its dead zone does not flutter.
-  const stick = { forward: { kind: "axis", index: 0, rest: 0, sign: 1, span: 1 } };
-  let on = active(rest([0.36]), stick, 0.35); out.edge = [on.size];
-  on = active(rest([0.33]), stick, 0.35, on); out.edge.push(on.size);
-  on = active(rest([0.2]), stick, 0.35, on); out.edge.push(on.size);
-  on = active(rest([0.33]), stick, 0.35, on); out.edge.push(on.size);
-  return out;
-}"""
-
-
-def test_odd_pads_are_understood(page: Page, lab: FakeLab) -> None:
-    page.goto(lab.base_url)
-    out: dict[str, Any] = page.evaluate(MAPPING_CASES)
-    assert out["hat"] == {"forward": -1, "back": 0.1429, "left": 0.7143, "right": -0.4286}
-    assert out["diagonal"] == [1, -1, 0]
-    assert out["released"] == [0, 0, 0]
-    assert out["learned"] == ["forward"], "a trigger is no two-way stick, and means one thing only"
-    assert "already means" in out["message"]
-    assert out["edge"] == [1, 1, 0, 0]
-
-
 # --- readings ------------------------------------------------------------------------------------------------------
 
 

@@ -7,14 +7,20 @@ interface FakeShape {
   buttons?: number;
 }
 
-/** The hand on the fake gamepad (tests/support/fake_gamepad.js). */
+/** A fake gamepad that is plugged in. */
+interface FakeDevice extends FakeShape {
+  id: string;
+  mapping?: GamepadMappingType;
+}
+
+/** The hand on the fake gamepads (tests/support/fake_gamepad.js). */
 interface FakeHand {
   connect(id?: string, mapping?: GamepadMappingType, shape?: FakeShape): void;
-  disconnect(): void;
-  value(index: number, value: number): void;
-  press(index: number): void;
-  release(index: number): void;
-  axis(index: number, value: number): void;
+  disconnect(slot?: number | null): void;
+  value(index: number, value: number, slot?: number | null): void;
+  press(index: number, slot?: number | null): void;
+  release(index: number, slot?: number | null): void;
+  axis(index: number, value: number, slot?: number | null): void;
   state(): { plugged: boolean; exposed: boolean; activated: boolean };
 }
 
@@ -30,6 +36,6 @@ interface Window {
   salab?: object;
   __pad?: FakeHand;
   /** What is plugged in when a document begins. */
-  __padBoot?: { device: (FakeShape & { id: string; mapping?: GamepadMappingType }) | null };
+  __padBoot?: { devices: FakeDevice[] };
   __seen?: SeenMessages;
 }

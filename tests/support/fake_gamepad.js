@@ -10,8 +10,11 @@
 // - `timestamp` moves when, and only when, a button or an axis changes;
 // - disconnect: the slot becomes null, the event's pad says connected = false.
 //
-// The hand on the pad is window.__pad (tests/support/fake_pad.py drives it):
-//   connect(id, mapping, {index, axes, buttons}), disconnect(), press(i), release(i), value(i, v), axis(i, v), state()
+// - first values: 0 for every axis and button, until it is reported.
+//
+// The hand on the pads is window.__pad (tests/support/fake_pad.py drives it), each pad by its slot, the first when none is named:
+//   connect(id, mapping, {index, axes, buttons}), disconnect(slot), press(i, slot), release(i, slot), value(i, v, slot),
+//   axis(i, v, slot), state()
 //
 // A pad stays plugged in across reloads: fake_pad.py leaves window.__padBoot in later documents, which are then
 // gated anew, as in a real browser.
@@ -20,10 +23,10 @@
   if (window.__pad) return;
   const nativeList = navigator.getGamepads.bind(navigator);
   const slotCount = nativeList().length || 4;
-  /** @type {Device | null} */
-  let device = null; // what is plugged in, exposed or not
-  /** @type {Gamepad | null} */
-  let exposed = null; // the current snapshot, null until activated
+  /** @type {Map<number, Device>} */
+  const devices = new Map(); // what is plugged in, exposed or not, by slot
+  /** @type {Map<number, Gamepad>} */
+  const exposed = new Map(); // the current snapshots, none until activated
   let activated = false;
   let lastStamp = 0;
 
@@ -67,24 +70,29 @@
   };
 
   const expose = (/** @type {Device} */ pad) => {
-    exposed = snapshot(pad);
-    fire("gamepadconnected", exposed);
+    const seen = snapshot(pad);
+    exposed.set(pad.index, seen);
+    fire("gamepadconnected", seen);
   };
 
   const changed = (/** @type {Device} */ pad) => {
     lastStamp = Math.max(performance.now(), lastStamp + 0.001); // never twice the same, even with a coarse clock
     pad.timestamp = lastStamp;
-    if (exposed) exposed = snapshot(pad);
+    if (exposed.has(pad.index)) exposed.set(pad.index, snapshot(pad));
   };
 
   // Read as late as possible: init scripts run in no promised order.
+  let booted = false;
   const replug = () => {
-    if (!device && window.__padBoot?.device) plugIn(window.__padBoot.device);
+    if (booted) return;
+    booted = true;
+    for (const device of window.__padBoot?.devices ?? []) plugIn(device);
   };
 
   /** @returns {Device} */
-  const plugged = () => {
+  const plugged = (/** @type {number | null} */ slot) => {
     replug();
+    const device = slot === null ? [...devices.values()][0] : devices.get(slot);
     if (!device) throw new Error("no pad is plugged in: call __pad.connect(id, mapping) first");
     return device;
   };
@@ -95,14 +103,14 @@
     }
   };
 
-  /** @param {NonNullable<NonNullable<Window["__padBoot"]>["device"]>} wanted */
+  /** @param {FakeDevice} wanted */
   const plugIn = ({ id, mapping = "standard", index = 0, axes = 4, buttons = 17 }) => {
     if (!["standard", "", "xr-standard"].includes(mapping)) throw new TypeError(`mapping "${mapping}"`);
     if (!Number.isInteger(index) || index < 0 || index >= slotCount) {
       throw new RangeError(`index ${index}: this browser has slots 0 to ${slotCount - 1}`);
     }
     lastStamp = Math.max(performance.now(), lastStamp + 0.001);
-    device = {
+    const device = {
       id,
       mapping,
       index,
@@ -110,6 +118,7 @@
       axes: Array(axes).fill(0),
       buttons: Array(buttons).fill(0),
     };
+    devices.set(index, device);
     if (activated) expose(device); // a document that saw a press before sees a new pad at once
   };
 
@@ -117,46 +126,45 @@
   const hand = {
     connect: (id = "Fake Pad (Vendor: 054c Product: 0268)", mapping = "standard", shape = {}) => {
       replug();
-      if (device) throw new Error(`a pad is plugged in already: ${device.id}`);
+      const there = devices.get(shape.index ?? 0);
+      if (there) throw new Error(`a pad is plugged in already: ${there.id}`);
       plugIn({ id, mapping, ...shape });
     },
 
-    disconnect: () => {
-      const pad = plugged();
-      const gone = exposed && snapshot(pad, false);
-      device = null;
-      exposed = null;
-      if (window.__padBoot) window.__padBoot = { ...window.__padBoot, device: null };
+    disconnect: (slot = null) => {
+      const pad = plugged(slot);
+      const gone = exposed.has(pad.index) && snapshot(pad, false);
+      devices.delete(pad.index);
+      exposed.delete(pad.index);
       if (gone) fire("gamepaddisconnected", gone);
     },
 
-    value: (index, value) => {
-      const pad = plugged();
+    value: (index, value, slot = null) => {
+      const pad = plugged(slot);
       checked(pad.buttons, index, "button");
       const next = Math.min(1, Math.max(0, value));
       if (pad.buttons[index] === next) return;
       pad.buttons[index] = next;
       changed(pad);
-      if (!exposed && next >= 0.5) {
+      if (!activated && next >= 0.5) {
         activated = true;
-        expose(pad);
+        for (const device of devices.values()) expose(device);
       }
     },
-    press: (index) => hand.value(index, 1),
-    release: (index) => hand.value(index, 0),
+    press: (index, slot) => hand.value(index, 1, slot),
+    release: (index, slot) => hand.value(index, 0, slot),
 
-    axis: (index, value) => {
-      const pad = plugged();
+    axis: (index, value, slot = null) => {
+      const pad = plugged(slot);
       checked(pad.axes, index, "axis");
-      const next = Math.min(1, Math.max(-1, value));
-      if (pad.axes[index] === next) return;
-      pad.axes[index] = next;
+      if (pad.axes[index] === value) return;
+      pad.axes[index] = value; // beyond ±1 too: so reads a D-pad on one axis
       changed(pad);
     },
 
     state: () => {
       replug();
-      return { plugged: device !== null, exposed: exposed !== null, activated };
+      return { plugged: devices.size > 0, exposed: exposed.size > 0, activated };
     },
   };
 
@@ -165,7 +173,7 @@
     value: function getGamepads() {
       /** @type {(Gamepad | null)[]} */
       const list = Array(slotCount).fill(null);
-      if (exposed) list[exposed.index] = exposed;
+      for (const [slot, pad] of exposed) list[slot] = pad;
       return list;
     },
     writable: true,

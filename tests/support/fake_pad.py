@@ -1,4 +1,4 @@
-"""The hand on the fake gamepad: a thin wrapper around `window.__pad` of a playwright page (fake_gamepad.js).
+"""The hand on fake gamepads: a thin wrapper around `window.__pad` of a playwright page (fake_gamepad.js).
 
     pad = FakePad(page)          # before page.goto(): the fake must be there before the page's own scripts
     page.goto(url)
@@ -28,11 +28,12 @@ STANDARD_BOTTOM = 0
 
 
 class FakePad:
-    """One gamepad, plugged into the computer the page's browser runs on. Indices count from 0, axes run -1 to 1."""
+    """Gamepads of the computer the page's browser runs on, each in a slot. Indices count from 0, axes run -1 to 1."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
         self._boots = 0
+        self._devices: dict[int, dict[str, Any]] = {}
         page.add_init_script(path=SCRIPT)
 
     def connect(
@@ -49,25 +50,27 @@ class FakePad:
         self._page.evaluate(
             "([id, mapping, shape]) => window.__pad.connect(id, mapping, shape)", [pad_id, mapping, shape]
         )
-        self._boot({"id": pad_id, "mapping": mapping, **shape})
+        self._devices[index] = {"id": pad_id, "mapping": mapping, **shape}
+        self._boot()
 
-    def disconnect(self) -> None:
+    def disconnect(self, slot: int | None = None) -> None:
         """Pulls the plug: `gamepaddisconnected`, and the slot is null."""
-        self._page.evaluate("() => window.__pad.disconnect()")
-        self._boot(None)
+        self._page.evaluate("(slot) => window.__pad.disconnect(slot)", slot)
+        self._devices.pop(next(iter(self._devices)) if slot is None else slot, None)
+        self._boot()
 
-    def press(self, button: int) -> None:
-        self._page.evaluate("(i) => window.__pad.press(i)", button)
+    def press(self, button: int, slot: int | None = None) -> None:
+        self._page.evaluate("([i, slot]) => window.__pad.press(i, slot)", [button, slot])
 
-    def release(self, button: int) -> None:
-        self._page.evaluate("(i) => window.__pad.release(i)", button)
+    def release(self, button: int, slot: int | None = None) -> None:
+        self._page.evaluate("([i, slot]) => window.__pad.release(i, slot)", [button, slot])
 
-    def value(self, button: int, value: float) -> None:
+    def value(self, button: int, value: float, slot: int | None = None) -> None:
         """An analogue trigger, 0 to 1."""
-        self._page.evaluate("([i, v]) => window.__pad.value(i, v)", [button, value])
+        self._page.evaluate("([i, v, slot]) => window.__pad.value(i, v, slot)", [button, value, slot])
 
-    def axis(self, axis: int, value: float) -> None:
-        self._page.evaluate("([i, v]) => window.__pad.axis(i, v)", [axis, value])
+    def axis(self, axis: int, value: float, slot: int | None = None) -> None:
+        self._page.evaluate("([i, v, slot]) => window.__pad.axis(i, v, slot)", [axis, value, slot])
 
     def stick(self, x: float, y: float, *, first_axis: int = 0) -> None:
         """Both axes of one stick (first axis 0: left, 2: right, on a standard pad); y points down, as on pads."""
@@ -75,19 +78,19 @@ class FakePad:
             "([i, x, y]) => { window.__pad.axis(i, x); window.__pad.axis(i + 1, y); }", [first_axis, x, y]
         )
 
-    def tap(self, button: int, *, frames: int = 3) -> None:
+    def tap(self, button: int, *, frames: int = 3, slot: int | None = None) -> None:
         """Press and release, held for a few of the page's animation frames so that a poll per frame sees it."""
-        with self.held(button):
+        with self.held(button, slot):
             self.frames(frames)
         self.frames(1)
 
     @contextmanager
-    def held(self, button: int) -> Iterator[None]:
-        self.press(button)
+    def held(self, button: int, slot: int | None = None) -> Iterator[None]:
+        self.press(button, slot)
         try:
             yield
         finally:
-            self.release(button)
+            self.release(button, slot)
 
     def frames(self, count: int) -> None:
         """Lets the page draw `count` frames."""
@@ -100,8 +103,8 @@ class FakePad:
         state: dict[str, bool] = self._page.evaluate("() => window.__pad.state()")
         return state
 
-    def _boot(self, device: dict[str, Any] | None) -> None:
+    def _boot(self) -> None:
         # Init scripts pile up and their order is not promised: the highest number wins.
         self._boots += 1
-        boot = json.dumps({"n": self._boots, "device": device})
+        boot = json.dumps({"n": self._boots, "devices": list(self._devices.values())})
         self._page.add_init_script(f"if ({self._boots} > (window.__padBoot?.n ?? 0)) window.__padBoot = {boot};")

@@ -121,6 +121,11 @@ export function view({ socket, pads, sound }, page) {
             : "– recommended: connect one and press any of its buttons, or go on with the keyboard",
       );
     words();
+    const forbidden = () => {
+      if (pads.problem) pad.mark("bad", "This browser shows no gamepads to this page. Another browser may.");
+    };
+    forbidden();
+    closers.push(pads.on("pads", forbidden));
     const look = () => {
       const touched = pads.touched();
       if (touched && touched.id !== padId) padId = touched.id;

@@ -13,7 +13,7 @@ import { pictureCheck } from "../picture_check.js";
 
 /** @import { Child } from "../../common/dom.js" */
 /** @import { ChosenDevice } from "../../hands/keyboard.js" */
-/** @import { Mapping } from "../../hands/mapping.js" */
+/** @import { Pad } from "../../hands/gamepad.js" */
 /** @import { Context, PageOf, View } from "../view.js" */
 /**
  * @typedef {object} Content
@@ -26,9 +26,7 @@ import { pictureCheck } from "../picture_check.js";
 /**
  * @typedef {object} Chosen
  * @property {ChosenDevice["device"] | null} device
- * @property {string | null} padId
- * @property {Mapping | null} mapping
- * @property {number} deadZone
+ * @property {Pad | null} pad
  * @property {boolean | null} sound null until the person has said whether they hear it
  */
 
@@ -65,9 +63,7 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
   /** @type {Chosen} */
   const chosen = {
     device: input.chosen,
-    padId: pads.padId,
-    mapping: pads.mapping,
-    deadZone: pads.deadZone,
+    pad: pads.pad,
     sound: null,
   };
   const drive = section(1, "How do you want to drive?", "setup-drive");
@@ -118,52 +114,53 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
     if (device === "keyboard") {
       input.choose("keyboard");
       showTest(keyboardLegend());
-    } else if (chosen.mapping && chosen.padId && pads.find(chosen.padId)) padReady(chosen.padId, chosen.mapping);
+    } else if (chosen.pad && pads.find(chosen.pad.padId)) padReady(chosen.pad, pads.slot);
     else startCalibration();
   }
 
   let stopDetail = () => {};
+  const byKeyboard = radios.find(({ radio }) => radio.value === "keyboard");
 
   function startCalibration({ anew = false } = {}) {
     stopDetail();
     drive.done("");
-    chosen.mapping = null;
-    pads.stop();
+    chosen.pad = null;
+    pads.use(null);
     const steps = calibrate({
       pads,
       known: (padId) => (anew ? null : remembered(padId)),
-      onDone: ({ padId, mapping, deadZone }) => {
-        Object.assign(chosen, { padId, mapping, deadZone });
-        remember(padId, mapping, deadZone);
-        padReady(padId, mapping);
-      },
+      onDone: padReady,
+      useKeyboard: byKeyboard ? () => byKeyboard.radio.click() : null,
     });
     stopDetail = steps.close;
     driveDetail.replaceChildren(steps.element);
   }
 
   /**
-   * @param {string} padId
-   * @param {Mapping} mapping
+   * @param {Pad} pad
+   * @param {number | null} slot
    */
-  function padReady(padId, mapping) {
+  function padReady(pad, slot) {
     stopDetail();
-    input.choose("gamepad", { padId, mapping, deadZone: chosen.deadZone });
+    chosen.pad = pad;
+    remember(pad);
+    input.choose("gamepad", pad, slot);
     const zone = h("input", {
       type: "range",
       id: "dead-zone",
       min: DEAD_ZONE.min,
       max: DEAD_ZONE.max,
       step: 0.05,
-      value: String(chosen.deadZone),
+      value: String(pad.deadZone),
       data: { testid: "dead-zone" },
     });
-    const shown = h("output", { for: "dead-zone" }, `${Math.round(chosen.deadZone * 100)} %`);
+    const shown = h("output", { for: "dead-zone" }, `${Math.round(pad.deadZone * 100)} %`);
     zone.addEventListener("input", () => {
-      chosen.deadZone = Number(zone.value);
-      setText(shown, `${Math.round(chosen.deadZone * 100)} %`);
-      pads.deadZone = chosen.deadZone;
-      remember(padId, mapping, chosen.deadZone);
+      const deadZone = Number(zone.value);
+      setText(shown, `${Math.round(deadZone * 100)} %`);
+      pads.setDeadZone(deadZone);
+      chosen.pad = { ...pad, deadZone };
+      remember(chosen.pad);
     });
     const again = h(
       "button",
@@ -179,7 +176,7 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
       zone,
       shown,
     );
-    showTest([padLegend(mapping), dead, again]);
+    showTest([padLegend(pad), dead, again]);
   }
 
   /** @param {Child} legend */
@@ -297,8 +294,8 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
 
   const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, "Continue");
   go.addEventListener("click", () => {
-    const { device, padId, mapping } = chosen;
-    if (!device || (device === "gamepad" && !(padId && mapping))) {
+    const { device, pad } = chosen;
+    if (!device || (device === "gamepad" && !pad)) {
       driveError.hidden = false;
       setText(
         driveErrorText,
@@ -316,12 +313,12 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
       return;
     }
     if (!picture.fits()) return;
-    const byPad = device === "gamepad";
+    const byPad = device === "gamepad" ? pad : null;
     const data = {
       device,
-      pad_id: byPad && padId ? padId.slice(0, 200) : null,
-      mapping: byPad ? mapping : {},
-      dead_zone: chosen.deadZone,
+      pad_id: byPad?.padId.slice(0, 200) ?? null,
+      mapping: byPad?.mapping ?? {},
+      dead_zone: byPad?.deadZone ?? DEAD_ZONE.default,
       sound: chosen.sound === true,
     };
     whileBusy(go, "Saving", () => socket.submit("setup", data).catch(() => {}));
