@@ -36,6 +36,7 @@ from sim.interface import (
     WorldState,
 )
 from sim.objects import grasp_point
+from sim.touch import Touch
 
 STEPS_PER_SLICE = 4
 FALLING_STEPS_PER_SLICE = 8
@@ -84,7 +85,7 @@ class BulletRobot:
 
     `held` names the object that both fingers have touched for `TOUCH_SLICES` while commanded to close.
     When the arm is pressed against something, the rest of the tick's motion is dropped (`lagging`), unless it leads
-    away.
+    away; for a while, what leads there again is not feasible.
     """
 
     def __init__(self) -> None:
@@ -114,6 +115,7 @@ class BulletRobot:
         self._touches: dict[int, list[int]] = {}  # object body -> slices of touch of each finger, + and - as in _feel
         self._held: _Body | None = None
         self._lagging = False
+        self._touch = Touch()
         pybullet.resetSimulation(physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=SLICE_S / self._steps,
@@ -138,7 +140,7 @@ class BulletRobot:
         """
         self._world()
         if command.speed_m_s > 0.0 and any(any(segment.direction) for segment in command.segments):
-            self._begin_where_it_is()
+            self._target = self._start()
         verdict = ik.executable(self._target, command)
         moving = command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed)
         # Reversed, so that the next waypoint is the cheap one to take.
@@ -153,13 +155,14 @@ class BulletRobot:
             self._drive_fingers()
         return verdict
 
-    def _begin_where_it_is(self) -> None:
-        """An arm that is pressed against something has not come to where it was told to be.
+    def _start(self) -> Vector3:
+        """Where a motion begins: an arm that is pressed against something has not come to where it was told to be.
 
-        A motion begins where the arm is: else every way out would first have to make up for what is missing.
+        It begins where the arm is: else every way out would first have to make up for what is missing.
         """
         if math.dist(self._gripper_world_m, self._target) > LAG_M and not ik.solve(self._gripper_world_m)[1]:
-            self._target = self._gripper_world_m
+            return self._gripper_world_m
+        return self._target
 
     def advance(self, slices: int = 1) -> None:
         """Advance by so many slices. Raises `SimError` before the first `reset`."""
@@ -177,6 +180,7 @@ class BulletRobot:
         # By value: standing still for the planning delay makes waypoints that are equal, and stops no way out.
         if after != before and lag_m > LAG_M and math.dist(self._gripper_world_m, after) >= lag_m:
             self._lagging = True
+            self._touch.feel(self._gripper_world_m, after, self._slice)
             self._path.clear()
             after = before
         for part in range(1, TARGETS_PER_SLICE + 1):
@@ -213,9 +217,13 @@ class BulletRobot:
         )
 
     def feasible(self, displacements_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which straight displacements, shape (N, 3), from the present position stay reachable; shape (N,)."""
+        """Which straight displacements, shape (N, 3), from the present position stay reachable; shape (N,).
+
+        What leads into what stopped the arm a short while ago does not.
+        """
         self._world()
-        return ik.segment_feasible(self._target, displacements_m)
+        felt = self._touch.leads_into(self._gripper_world_m, displacements_m, self._slice)
+        return ik.segment_feasible(self._start(), displacements_m) & ~felt
 
     def close(self) -> None:
         """Disconnect from the physics; may be called twice."""
