@@ -314,6 +314,16 @@ class AlertClosed(Message):
     """Seconds until the view is free again."""
 
 
+class Panel(Message):
+    """The second device, to the participant's page: at its start, and whenever something about it changes."""
+
+    type: Literal["panel"] = "panel"
+    connected: bool
+    """Whether its page is there."""
+    heard: bool | None
+    """Whether its alarm was heard; null before somebody said so."""
+
+
 class Ack(Message):
     """The submit or note with this id is on disk."""
 
@@ -369,6 +379,7 @@ ServerMessage = Annotated[
     | Status
     | Alert
     | AlertClosed
+    | Panel
     | Ack
     | Error
     | Superseded

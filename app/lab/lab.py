@@ -235,10 +235,13 @@ class Lab:
         """The dashboard's link. The token stands behind `#`, so that no server or proxy logs it."""
         return f"{self.base_url}/dashboard#token={self.experimenter_token}"
 
-    async def new_link(self, participant: str) -> str:
-        """Another link to the participant's page, for one that was lost. Raises `NoSuchParticipant`."""
-        await self.stored_session(participant)
-        return self.link(await self.new_token(participant))
+    async def new_links(self, participant: str) -> tuple[str, str]:
+        """Other links to the participant's page and to their second device ("" in a study without one), for those that
+        were lost. Raises `NoSuchParticipant`."""
+        stored = await self.stored_session(participant)
+        study = await self.study_of(stored)
+        panel = await self._panel_link(participant) if study.distractor.on_second_device else ""
+        return self.link(await self.new_token(participant)), panel
 
     async def new_token(
         self, participant: str, role: Literal["participant", "panel"] = "participant", *, alone: bool = False

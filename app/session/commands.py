@@ -108,7 +108,10 @@ def _start(now: Circumstances) -> str:
     if not now.connected:
         return "The participant's page is not connected: nobody could drive."
     if now.lacks_panel:
-        return "The second device is not connected. Open its link there first, and press its button."
+        return (
+            "The second device is not connected. The participant's page shows its QR code and link; New link in the "
+            "roster gives another one."
+        )
     if now.lacks_picture:
         return _NO_PICTURE
     return "" if now.ready else "The robot is not in place yet."

@@ -12,6 +12,7 @@ from app.wire import (
     Message,
     Notice,
     Page,
+    Panel,
     Status,
     StimulusWords,
     Superseded,
@@ -115,6 +116,11 @@ class Connections:
     def show_notice(self, text: str) -> None:
         """A line from the experimenter."""
         self._tell("participant", Notice(text=text))
+
+    def show_panel(self, heard: bool | None) -> None:
+        """The second device, to the participant's page, where the study has one."""
+        if self._services.study.distractor.on_second_device:
+            self._tell("participant", Panel(connected=self.panel is not None, heard=heard))
 
     def show_alert(self, alert: AlertState | None, distractor: DistractorState, trial_s: float) -> None:
         """An alert, open or closed, to the page the study puts it on."""

@@ -115,8 +115,7 @@ class SessionContext:
 
     def lacks_panel(self) -> bool:
         """Whether a trial is next and its alerts would appear on a second device that nobody has opened."""
-        distractor = self.services.study.distractor
-        on_panel = distractor.enabled and distractor.placement == "second_device"
+        on_panel = self.services.study.distractor.on_second_device
         return self.session.place == "trial_ready" and on_panel and self.connections.panel is None
 
     def is_away(self) -> bool:

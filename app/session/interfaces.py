@@ -98,6 +98,8 @@ class Vitals:
     """The participant's call that nobody has answered."""
     sound: bool | None = None
     """Whether the participant heard the test sound; None before they were asked."""
+    panel_heard: bool | None = None
+    """Whether the second device's alarm was heard, as somebody said there; None before."""
     picture: bool | None = None
     """Whether their page draws the robot; None before it said so."""
 

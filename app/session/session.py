@@ -82,6 +82,7 @@ class LiveSession:
         self._submissions = Submissions(self._context, self._transitions)
         self._task: asyncio.Task[None] | None = None
         self._left_s = services.now_unix_s()
+        self._panel_name = ""
 
     # ---- what the lab and the server call -----------------------------------------------------------------------
 
@@ -221,6 +222,11 @@ class LiveSession:
         """Whether the second device is connected."""
         return self._connections.panel is not None
 
+    @property
+    def panel_link(self) -> str | None:
+        """The second device's link, once one was made."""
+        return self._context.panel_link
+
     # ---- the queue ----------------------------------------------------------------------------------------------
 
     async def _done(self, work: _Work) -> None:
@@ -284,6 +290,9 @@ class LiveSession:
             context.panel_link = await self._services.panel_link()
         self._connections.welcome(client, context.last_seq)
         client.deliver(context.page() if client.role == "participant" else panel_page(context.session))
+        if client.role == "panel" and client.name != self._panel_name:
+            self._panel_name, context.vitals.panel_heard = client.name, None  # another device
+        self._connections.show_panel(context.vitals.panel_heard)
         if client.role == "participant":
             context.vitals.picture = None  # of the page before
             context.measure()
@@ -298,6 +307,7 @@ class LiveSession:
         if not self._connections.leave(client):
             return
         self._left_s = self._services.now_unix_s()
+        self._connections.show_panel(context.vitals.panel_heard)
         event = context.event("disconnected", "participant", {"role": client.role, "client": client.name})
         if client.role == "participant" and not context.session.is_over:
             await self._transitions.advance(Event("connection_lost"), Batch(events=(event,)))

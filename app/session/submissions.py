@@ -41,6 +41,9 @@ class Submissions:
             event = self._context.event(message.name, "participant", data)
             await self._context.commit(Batch(submission=self._context.submission(message.id), events=(event,)))
             acknowledge(client, message.id)
+            if client.role == "panel" and message.name == "panel_heard":
+                self._context.vitals.panel_heard = message.data.get("heard") is True
+                self._context.connections.show_panel(self._context.vitals.panel_heard)
         elif isinstance(message, View):
             await self._on_view(client, message)
 
@@ -117,7 +120,7 @@ class Submissions:
             acknowledge(client, message.id)
             return
         if message.step == "start" and context.lacks_panel():
-            text = "The second device is not connected. Open its link there first, and press its button."
+            text = "The second device is not connected. Open it with the code or the link on this page."
             raise Refused("illegal", ("panel", text))
         if message.step == "start" and context.vitals.picture is False:
             raise Refused("illegal", ("picture", "The picture of the robot is missing on this screen."))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 from typing import Annotated, Literal
 
-import segno
 from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
@@ -13,6 +11,7 @@ from pydantic import BaseModel, Field
 from app.lab.lab import Lab, NoSuchParticipant
 from app.session.commands import Command, NotNow
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
+from app.web.qr_code import qr_svg
 from study.flow import roster
 from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.open_link import open_link
@@ -162,6 +161,8 @@ class LinkReply(BaseModel):
     """Id, such as P001."""
     link: str
     """The link; whoever has it is the participant."""
+    panel_link: str
+    """Another one for the second device; empty where the study has none."""
 
 
 class QrRequest(RequestBody):
@@ -326,9 +327,10 @@ async def erase(participant: ParticipantId, body: EraseRequest, lab: TheLab, who
 
 @router.post("/participants/{participant}/link", status_code=201, responses=refusals(404, 409))
 async def new_link(participant: ParticipantId, lab: TheLab, who: Experimenter) -> LinkReply:
-    """Another link to the same participant's page, for one that was lost. Earlier links go on working."""
+    """Other links to the same participant's pages, for those that were lost. Earlier links go on working."""
     await _may(lab, "new_link", participant)
-    return LinkReply(participant=participant, link=await lab.new_link(participant))
+    link, panel_link = await lab.new_links(participant)
+    return LinkReply(participant=participant, link=link, panel_link=panel_link)
 
 
 @router.post(
@@ -340,11 +342,7 @@ async def qr_code(body: QrRequest, lab: TheLab, who: Experimenter) -> Response:
     """A link of this lab as a QR code (SVG)."""
     if not body.link.startswith(f"{lab.base_url}/"):
         raise HTTPException(422, f"link: must begin with {lab.base_url}/")
-    picture = io.BytesIO()
-    segno.make(body.link, error="m", micro=False).save(
-        picture, kind="svg", scale=8, border=4, dark="#000", light="#fff", xmldecl=False, svgclass=None, lineclass=None
-    )
-    return Response(picture.getvalue(), media_type="image/svg+xml")
+    return Response(qr_svg(body.link), media_type="image/svg+xml")
 
 
 def add_roster_api(app: FastAPI) -> None:

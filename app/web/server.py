@@ -30,6 +30,7 @@ from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
 from app.web.page_words import in_language
 from app.web.participant_views import own_views, with_views
+from app.web.qr_code import qr_svg
 from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
@@ -218,6 +219,18 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     async def scene_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
         return scene_page_response(request.headers) if allowed else forbidden()
+
+    @app.get("/s/{public_id}/second-device.svg", include_in_schema=False)
+    async def second_device_qr(request: Request, public_id: str) -> Response:
+        """The second device's link, for its camera: as the participant's page shows it."""
+        token = request.cookies.get(COOKIES["participant"])
+        holder = await lab.holder(token) if token else None
+        if holder is None or (holder[0].public_id, holder[1]) != (public_id, "participant"):
+            return forbidden()
+        live = lab.live_session(holder[0].participant)
+        if live is None or live.panel_link is None:
+            return Response(status_code=404)
+        return Response(qr_svg(live.panel_link), media_type="image/svg+xml", headers={"Cache-Control": "no-store"})
 
     @app.get("/favicon.ico", include_in_schema=False)
     async def favicon() -> Response:

@@ -52,7 +52,9 @@ class InvitationReply(BaseModel):
     link: str
     """For the participant."""
     panel_link: str
-    """For their second device."""
+    """For their second device; its page says so where the study has none."""
+    second_device: bool
+    """Whether the study has one."""
     demo: bool
     """Whether this is a demo."""
     kind: str
@@ -161,6 +163,7 @@ async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteR
                 participant=invitation.participant,
                 link=lab.link(invitation.participant_token),
                 panel_link=lab.link(invitation.panel_token, "panel"),
+                second_device=lab.setup.study.distractor.on_second_device,
                 demo=kind == "demo",
                 kind=kind,
             )

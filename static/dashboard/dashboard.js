@@ -278,7 +278,7 @@ function createCard() {
  * @param {InvitationReply} invitation
  * @returns {HTMLElement}
  */
-function linkRows({ participant, link, panel_link, kind, demo }) {
+function linkRows({ participant, link, panel_link, second_device, kind, demo }) {
   const qr = (/** @type {string} */ url) => {
     const button = h(
       "button",
@@ -321,7 +321,7 @@ function linkRows({ participant, link, panel_link, kind, demo }) {
     { class: "panel", data: { testid: "new-link", participant } },
     h("p", {}, h("strong", {}, participant), marked),
     line("Participant link", link, "participant-link"),
-    line("Second device", panel_link, "second-device-link"),
+    line("Second device", second_device ? panel_link : "", "second-device-link"),
   );
 }
 

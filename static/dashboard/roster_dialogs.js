@@ -104,8 +104,9 @@ export async function erase(api, { participant }) {
  */
 export async function newLink(api, { participant }) {
   /** @type {LinkReply} */
-  const { link } = await api.send(`${person(participant)}/link`, {});
-  await showQr(api, participant, link, `Another link of ${participant}`);
+  const { link, panel_link } = await api.send(`${person(participant)}/link`, {});
+  const second = panel_link ? [h("h3", {}, "Second device"), await qrBox(api, participant, panel_link)] : [];
+  await showQr(api, participant, link, `Another link of ${participant}`, second);
   return null;
 }
 
@@ -116,9 +117,27 @@ export async function newLink(api, { participant }) {
  * @param {string} participant
  * @param {string} link
  * @param {string} [title]
+ * @param {HTMLElement[]} [more] below it
  * @returns {Promise<void>}
  */
-export async function showQr(api, participant, link, title = `Link of ${participant}`) {
+export async function showQr(api, participant, link, title = `Link of ${participant}`, more = []) {
+  await ask({
+    testid: "qr-dialog",
+    title,
+    text: ["It opens the participant's page and cannot be shown again."],
+    confirm: null,
+    back: "Close",
+    extra: [await qrBox(api, participant, link), ...more],
+  });
+}
+
+/**
+ * @param {Api} api
+ * @param {string} participant
+ * @param {string} link
+ * @returns {Promise<HTMLElement>}
+ */
+async function qrBox(api, participant, link) {
   const svg = await api.text("/api/qr", { link });
   const picture = h("img", {
     class: "qr",
@@ -133,12 +152,5 @@ export async function showQr(api, participant, link, title = `Link of ${particip
     "aria-label": `Link of ${participant}`,
     data: { testid: "qr-link" },
   });
-  await ask({
-    testid: "qr-dialog",
-    title,
-    text: ["It opens the participant's page and cannot be shown again."],
-    confirm: null,
-    back: "Close",
-    extra: h("div", { class: "qr-box" }, picture, field),
-  });
+  return h("div", { class: "qr-box" }, picture, field);
 }

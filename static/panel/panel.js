@@ -51,12 +51,41 @@ const last = h("p", { class: "panel-last", role: "status", data: { testid: "pane
 const waitTitle = h("h1", {});
 const waitText = h("p", {});
 const device = h("span", { class: "brand-title" });
+const heardText = h("p", {}, "Did you hear the alarm?");
+const yes = h("button", { type: "button", class: "primary large", data: { testid: "panel-heard" } }, "I heard it");
+const no = h(
+  "button",
+  { type: "button", class: "secondary large", data: { testid: "panel-silent" } },
+  "I heard nothing",
+);
+const again = h(
+  "button",
+  { type: "button", class: "secondary large", data: { testid: "panel-again" } },
+  icon("sound"),
+  "Play it again",
+);
+const asking = h(
+  "div",
+  { class: "panel-asking", data: { testid: "panel-asking" } },
+  heardText,
+  h("div", { class: "actions" }, yes, no, again),
+);
+yes.addEventListener("click", () => {
+  asking.hidden = true;
+  socket.note("panel_heard", { heard: true });
+});
+no.addEventListener("click", () => {
+  setText(heardText, "Turn up the volume of this device, take it off silent mode, and play the alarm again.");
+  socket.note("panel_heard", { heard: false });
+});
+again.addEventListener("click", () => sound.alarm());
 const waiting = h(
   "section",
   { class: "panel-wait", data: { testid: "panel-waiting" } },
   h("div", { class: "pulse", "aria-hidden": "true" }),
   waitTitle,
   waitText,
+  asking,
   last,
 );
 const main = h("main", { id: "main" }, locked, waiting, alert.element);
@@ -142,6 +171,11 @@ socket.addEventListener("state", (event) => {
 socket.addEventListener("welcome", name);
 socket.addEventListener("page", (event) => {
   const { state } = event.detail;
+  if (socket.welcome && socket.welcome.placement !== "second_device")
+    return finish(
+      "This study has no second device",
+      "Everything appears on the participant's own screen. You can close this page.",
+    );
   if (OVER.has(state)) return finish("That is all", words.over);
   if (ended) reopen();
   alert.pause(state === "paused");

@@ -9,6 +9,7 @@ import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
 import { Scene } from "./scene.js";
+import { secondDevice } from "./second_device.js";
 import { StateSign } from "./state_sign.js";
 import { view as pausedView } from "./views/paused.js";
 
@@ -24,6 +25,7 @@ import { view as pausedView } from "./views/paused.js";
  * @property {Instruction | null} instruction
  * @property {number} tasks
  * @property {boolean} ready
+ * @property {string | null} [panel_link] of the second device, where the study has one
  * @property {Record<string, Look>} [looks] with a layout of the study's own: how its objects and bins are drawn, by id
  */
 /** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
@@ -53,6 +55,8 @@ export class DriveView {
     this.alert = null;
     /** @type {HTMLButtonElement | null} */
     this.start = null;
+    /** @type {ReturnType<typeof secondDevice> | null} */
+    this.panel = null; // while a round waits for its start
     this.dialogOpen = false;
     this._instruction = "";
     /** @type {Record<string, Look>} */
@@ -207,6 +211,7 @@ export class DriveView {
   close() {
     for (const stop of this._deafen) stop();
     this.picture.close();
+    this.panel?.close();
     this.input.drive(false);
     this.alert?.close();
     this.scene.close();
@@ -221,6 +226,9 @@ export class DriveView {
     const text = practice
       ? "Pick up the block, move it and put it down again. Take your time; this part does not count."
       : "The robot is in place. When you press Start, the round begins.";
+    this.panel?.close();
+    // The readings of a round appear on the second device: nobody starts while it is missing.
+    this.panel = practice || this.socket.welcome?.placement !== "second_device" ? null : this._secondDevice();
     this.start = stepButton({
       socket: this.socket,
       step: "start",
@@ -232,9 +240,15 @@ export class DriveView {
     return h(
       "section",
       { class: "start-card", data: { testid: `page-${state}` } },
-      h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text)),
+      h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text), this.panel?.element),
       this.start,
     );
+  }
+
+  _secondDevice() {
+    const link = this.page?.content.panel_link ?? null;
+    const { socket, context } = this;
+    return secondDevice({ socket, session: context.session, link, onChange: () => this._refresh() });
   }
 
   /** @param {HTMLElement | null} content */
@@ -353,10 +367,17 @@ export class DriveView {
     this.sign.show(state);
     if (this.start) {
       const unseen = !this.scene.watch.there;
-      const wait = state !== "ready" || unseen;
+      const alone = this.panel !== null && !this.panel.there();
+      const wait = state !== "ready" || unseen || alone;
       this.start.disabled = wait;
       this.start.title =
-        state !== "ready" ? "The robot is not in place yet." : unseen ? "Its picture is not there yet." : "";
+        state !== "ready"
+          ? "The robot is not in place yet."
+          : unseen
+            ? "Its picture is not there yet."
+            : alone
+              ? "The second device is not there yet."
+              : "";
       if (!wait && !this.overlay.hidden && document.activeElement === document.body)
         this.start.focus({ preventScroll: true });
     }

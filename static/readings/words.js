@@ -46,7 +46,7 @@ const READINGS = {
     loud: "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant.",
     watch: "You can also go on without sound; then watch for the readings.",
     second:
-      "Readings appear on a second device, two metres away. Open this link there, press its button, and leave it on that page.",
+      "Readings appear on a second device, with a loud sound. Open it there, press its button, and leave it on that page.",
   },
 };
 
@@ -81,7 +81,7 @@ function wordsOf({ one, many }) {
     setup: {
       loud: `${capital(many)} come with a loud sound. Set the volume so that it is clear and not unpleasant.`,
       watch: `You can also go on without sound; then watch for the ${many}.`,
-      second: `${capital(many)} appear on a second device, two metres away. Open this link there, press its button, and leave it on that page.`,
+      second: `${capital(many)} appear on a second device, with a loud sound. Open it there, press its button, and leave it on that page.`,
     },
   };
 }

@@ -33,6 +33,8 @@ export class LabSocket extends Emitter {
     this.state = "closed";
     /** @type {wire.Welcome | null} */
     this.welcome = null;
+    /** @type {wire.Panel | null} */
+    this.panel = null; // the second device, as last told
     /** @type {WebSocket | null} */
     this._socket = null;
     /** @type {Map<string, { resolve: (ack: wire.Ack) => void, reject: (refused: Error) => void }>} */
@@ -157,6 +159,9 @@ export class LabSocket extends Emitter {
         break;
       case "ack":
         this._settle(message.id)?.resolve(message);
+        break;
+      case "panel":
+        this.panel = message;
         break;
       case "error":
         return this._refused(message);

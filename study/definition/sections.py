@@ -200,6 +200,11 @@ class DistractorSettings(Part):
         """What the kind takes, as the file says it."""
         return dict(self.model_extra or {})
 
+    @property
+    def on_second_device(self) -> bool:
+        """Whether a second device has a part in the study."""
+        return self.enabled and self.placement == "second_device"
+
 
 class CodeFile(Part):
     """One file of such a source."""

@@ -49,6 +49,7 @@ def test_two_letters_are_answered(
         asked.goto(made["panel_link"])
         asked.get_by_role("heading", name="Letters").wait_for()
         asked.get_by_test_id("panel-start").click()
+        asked.get_by_test_id("panel-heard").click()
         page.bring_to_front()
     person.consent()
     person.demographics()

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from playwright.sync_api import expect
 
 from tests.browser.test_no_picture import in_thread
-from tests.browser.test_pages_unit import opened
+from tests.browser.test_pages_unit import opened, visible
+from tests.support import lab_server as labs
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, tick
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import asked, events, invite, visit
+from tests.support.wire_client import SHORT, asked, events, invite, visit, write_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, Route
@@ -192,3 +194,95 @@ def test_the_participant_is_told_that_their_call_was_seen(page: Page, quick_lab:
     answered = asked(quick_lab, "POST", f"sessions/{made['participant']}/help_seen", {})
     assert answered.status_code == 200
     page.get_by_text("The experimenter has seen your call for help.").wait_for()
+
+
+# --- the second device ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def two_device_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
+    folder = tmp_path_factory.mktemp("two")
+    changes = {**SHORT, 'placement = "same_page_away" ': 'placement = "second_device" '}
+    study = str(write_study(folder, changes))
+    with labs.start(folder / "data", "--robot", "kinematic", "--no-scene", "--study", study) as running:
+        yield running
+
+
+async def to(link: str, state: str) -> None:
+    async with visit(link) as player:
+        await player.reach(state)
+
+
+def test_the_set_up_waits_for_the_second_device_and_asks_there_for_the_sound(
+    page: Page, two_device_lab: LabServer
+) -> None:
+    made = invite(two_device_lab)
+    in_thread(to(made["link"], "setup"))
+    page.goto(made["link"])
+    page.get_by_test_id("device-keyboard").click()
+    assert page.get_by_test_id("setup-sound").count() == 0, "the alarm does not sound on this device"
+    state = page.get_by_test_id("panel-state")
+    expect(state).to_have_text("Waiting for the second device")
+    page.wait_for_function("document.querySelector('[data-testid=panel-qr]').naturalWidth > 0")
+    page.get_by_test_id("setup-submit").click()
+    page.get_by_text("Open the second device first").wait_for()
+    panel = page.context.new_page()
+    panel.goto(page.get_by_test_id("panel-link").input_value())
+    expect(state).to_contain_text("turn its sound on")
+    panel.get_by_test_id("panel-start").click()
+    panel.get_by_test_id("panel-silent").click()
+    expect(state).to_contain_text("nobody heard its alarm")
+    panel.get_by_test_id("panel-heard").click()
+    expect(state).to_contain_text("its alarm was heard")
+    page.get_by_test_id("setup-submit").click()
+    visible(page, "page-instructions")
+    (setup,) = events(two_device_lab, made["participant"], "step_setup")
+    assert setup[1]["sound"] is True
+
+
+def test_a_round_starts_when_the_second_device_is_there_and_says_how_to_open_it(
+    page: Page, two_device_lab: LabServer
+) -> None:
+    made = invite(two_device_lab)
+    in_thread(to(made["link"], "trial_ready"))
+    page.goto(made["link"])
+    start = page.get_by_test_id("start-button")
+    expect(page.get_by_test_id("panel-state")).to_have_text("Waiting for the second device")
+    expect(start).to_be_disabled()
+    link = page.get_by_test_id("panel-link").input_value()
+    panel = page.context.new_page()
+    panel.goto(link)
+    expect(start).to_be_enabled()
+    panel.close()
+    expect(start).to_be_disabled()
+    # The experimenter has a way of their own.
+    given = asked(two_device_lab, "POST", f"participants/{made['participant']}/link").json()
+    panel = page.context.new_page()
+    panel.goto(given["panel_link"])
+    expect(start).to_be_enabled()
+    start.click()
+    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+
+
+def test_whoever_cannot_open_it_goes_on_and_the_record_says_so(page: Page, two_device_lab: LabServer) -> None:
+    made = invite(two_device_lab)
+    in_thread(to(made["link"], "setup"))
+    page.goto(made["link"])
+    page.get_by_test_id("device-keyboard").click()
+    page.get_by_test_id("setup-submit").click()
+    page.get_by_test_id("panel-later").click()
+    visible(page, "page-instructions")
+    assert events(two_device_lab, made["participant"], "panel_later")
+    assert events(two_device_lab, made["participant"], "step_setup")[0][1]["sound"] is False
+
+
+def test_a_study_without_a_second_device_gives_out_no_link_of_one(page: Page, quick_lab: LabServer) -> None:
+    made = invite(quick_lab)
+    assert made["second_device"] is False
+    assert asked(quick_lab, "POST", f"participants/{made['participant']}/link").json()["panel_link"] == ""
+    page.goto(made["panel_link"])
+    page.get_by_text("This study has no second device").wait_for()
+    page.goto(quick_lab.experimenter_link)
+    page.get_by_test_id("create-participant").click()
+    page.get_by_test_id("participant-link").wait_for()
+    assert page.get_by_test_id("second-device-link").count() == 0

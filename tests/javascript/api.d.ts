@@ -14,6 +14,7 @@ export interface InvitationReply {
   participant: string;
   link: string;
   panel_link: string;
+  second_device: boolean;
   demo: boolean;
   kind: string;
 }
@@ -23,6 +24,7 @@ export interface InviteReply {
   participant: string;
   link: string;
   panel_link: string;
+  second_device: boolean;
   demo: boolean;
   kind: string;
   created: Array<InvitationReply>;
@@ -207,6 +209,7 @@ export interface EraseReply {
 export interface LinkReply {
   participant: string;
   link: string;
+  panel_link: string;
 }
 
 /** Anything else that happened, in order. */

@@ -160,6 +160,13 @@ export interface Page {
   content: Record<string, unknown>;
 }
 
+/** The second device, to the participant's page: at its start, and whenever something about it changes. */
+export interface Panel {
+  type: "panel";
+  connected: boolean;
+  heard: boolean | null;
+}
+
 /** Round-trip probe. */
 export interface Ping {
   type: "ping";
@@ -238,6 +245,7 @@ export type ServerMessage =
   | Status
   | Alert
   | AlertClosed
+  | Panel
   | Ack
   | Error
   | Superseded

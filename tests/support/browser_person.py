@@ -93,6 +93,9 @@ class BrowserPerson:
         else:
             self.page.get_by_test_id("device-keyboard").click()
         self.device = device
+        if self.page.get_by_test_id("setup-sound").count() == 0:  # it sounds on the second device
+            self.click("setup-submit")
+            return
         self.click("sound-play")
         self.click("sound-yes")
         self._shot(f"setup_{device}")

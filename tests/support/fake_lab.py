@@ -317,6 +317,7 @@ class FakeLab:
                 "participant": f"p{number:03d}{chr(97 + index)}",
                 "link": f"{self.base_url}/p/secret{number}{index}",
                 "panel_link": f"{self.base_url}/d/secret{number}{index}",
+                "second_device": True,
                 "demo": body["demo"],
             }
             for index in range(body.get("count", 1))

@@ -157,6 +157,7 @@ def second_device(camera: Camera, folder: Path) -> None:
         person.demographics()
         panel.goto(links[0]["panel_link"])
         panel.get_by_test_id("panel-start").click()
+        panel.get_by_test_id("panel-heard").click()
         person.setup("keyboard")
         person.instructions(COMPREHENSION)
         person.at("drive")

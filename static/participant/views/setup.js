@@ -1,6 +1,5 @@
 // Set-up: how to drive (gamepad or keyboard, equal), a live test, sound, and the second device where there is one.
 
-import { copyButton } from "../../common/copy.js";
 import { h, icon, setText, whileBusy } from "../../common/dom.js";
 import { card } from "../../common/shell.js";
 import { calibrate } from "../../hands/calibration.js";
@@ -10,6 +9,7 @@ import { wordsFor } from "../../readings/words.js";
 import { keyboardLegend, padLegend } from "../controls.js";
 import { indicator } from "../indicator.js";
 import { pictureCheck } from "../picture_check.js";
+import { secondDevice } from "../second_device.js";
 
 /** @import { Child } from "../../common/dom.js" */
 /** @import { ChosenDevice } from "../../hands/keyboard.js" */
@@ -56,7 +56,7 @@ function section(number, title, testid) {
  * @param {PageOf<Content>} page
  * @returns {View}
  */
-export function view({ socket, input, pads, keyboard, sound }, page) {
+export function view({ socket, session, input, pads, keyboard, sound }, page) {
   const words = wordsFor(socket.welcome).setup;
   const { placement, panel_link, gamepad = "any", needs_sound = false, needs_picture = false } = page.content;
   const picture = pictureCheck({ socket, needed: needs_picture });
@@ -67,9 +67,10 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
     sound: null,
   };
   const drive = section(1, "How do you want to drive?", "setup-drive");
+  // The alarm sounds where the readings appear, and that is where it has to be heard.
+  const onPanel = placement === "second_device";
   const hear = section(2, "Can you hear the alarm?", "setup-sound");
-  const second =
-    panel_link || placement === "second_device" ? section(3, "Open the second device", "setup-panel") : null;
+  const second = onPanel ? section(2, "Open the second device", "setup-panel") : null;
 
   const driveDetail = h("div", { class: "setup-detail" });
   const recommended = gamepad === "preferred" ? "Recommended. " : "";
@@ -270,26 +271,43 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
   }
   hear.body.append(h("p", {}, words.loud), h("div", { class: "actions" }, play, yes, no), heard, hearError);
 
-  if (second) {
-    const link = h("input", {
-      type: "text",
-      readonly: true,
-      value: panel_link ?? "",
-      "aria-label": "Link for the second device",
-      class: "link-field",
-      data: { testid: "panel-link" },
-    });
-    second.body.append(
-      h("p", {}, words.second),
-      panel_link
-        ? h(
-            "div",
-            { class: "copy-line" },
-            link,
-            copyButton(() => panel_link, "Copy link"),
-          )
-        : h("p", {}, "The experimenter has the link and opens it for you."),
+  const panel = second && secondDevice({ socket, session, link: panel_link, onChange: () => secondChanged() });
+  const secondErrorText = h("span", {});
+  const secondError = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), secondErrorText);
+  let without = false; // the experimenter sees to it later
+  const later = h(
+    "button",
+    { type: "button", class: "secondary", hidden: true, data: { testid: "panel-later" } },
+    "Go on; the experimenter opens it later",
+  );
+  later.addEventListener("click", () => {
+    without = true;
+    socket.note("panel_later");
+    go.click();
+  });
+  function secondChanged() {
+    second?.done(panel?.there() ? (panel.heard() === false ? "Not heard" : panel.heard() ? "Ready" : "There") : "");
+    secondError.hidden = true;
+  }
+  /** @returns {boolean} whether nothing is missing on the second device */
+  function secondFits() {
+    if (!panel || without) return true;
+    const needed = needs_sound ? panel.heard() === true : panel.heard() !== null;
+    if (panel.there() && needed) return true;
+    setText(
+      secondErrorText,
+      panel.there()
+        ? "Turn the sound of the second device on, and say there whether you heard it."
+        : "Open the second device first: the readings appear there.",
     );
+    secondError.hidden = false;
+    later.hidden = false;
+    second?.element.scrollIntoView({ block: "center" });
+    return false;
+  }
+  if (second && panel) {
+    second.body.append(h("p", {}, words.second), panel.element, secondError, h("div", { class: "actions" }, later));
+    secondChanged();
   }
 
   const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, "Continue");
@@ -307,7 +325,8 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
       (radios.find((one) => one.radio.checked) ?? radios[0])?.radio.focus({ preventScroll: true });
       return;
     }
-    if (chosen.sound === null && placement !== "none") {
+    if (!secondFits()) return;
+    if (chosen.sound === null && placement !== "none" && !onPanel) {
       hearError.hidden = false;
       play.focus();
       return;
@@ -319,12 +338,12 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
       pad_id: byPad?.padId.slice(0, 200) ?? null,
       mapping: byPad?.mapping ?? {},
       dead_zone: byPad?.deadZone ?? DEAD_ZONE.default,
-      sound: chosen.sound === true,
+      sound: (onPanel ? panel?.heard() : chosen.sound) === true,
     };
     whileBusy(go, "Saving", () => socket.submit("setup", data).catch(() => {}));
   });
 
-  const steps = [drive.element, placement === "none" ? null : hear.element, second?.element];
+  const steps = [drive.element, placement === "none" || onPanel ? null : hear.element, second?.element];
   const element = card({
     title: "Set up",
     wide: true,
@@ -334,6 +353,7 @@ export function view({ socket, input, pads, keyboard, sound }, page) {
   if (chosen.device) choose(chosen.device);
   const close = () => {
     stopDetail();
+    panel?.close();
     sound.silence();
   };
   return { element, close };

@@ -27,6 +27,7 @@ def content(session: Session, context: PageContext) -> Content:
         "tasks": PRACTICE_TASKS if session.place in ("practice_ready", "practice") else context.study.tasks_per_trial,
         "running": session.is_ticking,
         "ready": context.worker_ready,
+        **({"panel_link": context.panel_link} if context.study.distractor.on_second_device else {}),
         "away_min_s": context.study.distractor.away_min_s,
         **({"looks": context.looks} if context.looks else {}),
     }

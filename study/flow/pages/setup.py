@@ -43,7 +43,7 @@ def content(session: Session, context: PageContext) -> Content:
     distractor = context.study.distractor
     return {
         "placement": distractor.placement if distractor.enabled else "none",
-        "panel_link": context.panel_link if distractor.placement == "second_device" else None,
+        "panel_link": context.panel_link if distractor.on_second_device else None,
         "gamepad": context.study.eligibility.gamepad,
         "needs_sound": context.study.eligibility.sound,
         "needs_picture": bool(context.scene_path),
