@@ -8,6 +8,7 @@ import { legendFor } from "./controls.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
+import { Progress } from "./progress.js";
 import { Scene } from "./scene.js";
 import { secondDevice } from "./second_device.js";
 import { StateSign } from "./state_sign.js";
@@ -73,8 +74,7 @@ export class DriveView {
       h("div", { "aria-live": "assertive" }, this.words),
       this.pictures,
     );
-    this.progressText = h("p", { class: "progress-text", data: { testid: "progress" } });
-    this.dots = h("div", { class: "dots", "aria-hidden": "true" });
+    this.progress = new Progress();
     this.hintText = h("span", {});
     this.hint = h(
       "p",
@@ -114,7 +114,7 @@ export class DriveView {
       this.sign.element,
       this.assist,
       this.instruction,
-      h("section", { class: "side-card progress", "aria-label": "Progress" }, this.progressText, this.dots),
+      this.progress.element,
       h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend),
     );
     this.hands.words.append(this.gripper);
@@ -302,13 +302,7 @@ export class DriveView {
       : practice
         ? `Practice before round ${trial} of ${trials}`
         : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
-    setText(this.progressText, where);
-    if (this.dots.children.length !== tasks)
-      this.dots.replaceChildren(...Array.from({ length: tasks }, () => h("span", { class: "dot" })));
-    [...this.dots.children].forEach((dot, index) => {
-      dot.className = index < done ? "dot past" : index === done ? "dot present" : "dot";
-    });
-    this.dots.hidden = unknown || practice || tasks < 2;
+    this.progress.show(where, unknown || practice ? null : { done, tasks });
   }
 
   /** @param {string} text */
