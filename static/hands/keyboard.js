@@ -2,6 +2,7 @@
 
 import { Emitter } from "../common/emitter.js";
 import { lasting } from "../common/store.js";
+import { KeyLabels } from "./layout.js";
 
 /** @import { Input } from "../../tests/javascript/wire.d.ts" */
 /** @import { Direction } from "./mapping.js" */
@@ -30,17 +31,38 @@ const SWITCH_VIEW = "KeyV";
 /** @type {Record<string, GripperPress>} */
 const GRIPPER = { Space: "close", KeyC: "close", Enter: "open", NumpadEnter: "open", KeyO: "open" };
 
+/** Keys without a place of their own, as some keyboards send them. */
+/** @type {Record<string, string>} */
+const BY_KEY = { " ": "Space", arrowup: "ArrowUp", arrowdown: "ArrowDown", arrowleft: "ArrowLeft" };
+for (const code of ["ArrowRight", "PageUp", "PageDown", "Enter"]) BY_KEY[code.toLowerCase()] = code;
+
+/** While one of these keys is down, or a menu or another window is in front, a release may never be heard of. */
+const TAKES_KEYS = new Set(["Meta", "OS", "Alt", "AltGraph", "ContextMenu"]);
+const LETS_GO = [
+  "blur",
+  "pagehide",
+  "freeze",
+  "beforeprint",
+  "contextmenu",
+  "dragstart",
+  "visibilitychange",
+  "fullscreenchange",
+  "pointerlockchange",
+  "compositionstart",
+];
+const TYPING_MS = 1000; // after the last key in a field, the next may still be meant for it
+
 /**
- * What the pages print: what it does, and the keys for it.
+ * What the pages print: what it does, and the keys for it, by place or by name.
  *
  * @type {[what: string, first: string[], second: string[]][]}
  */
 export const LEGEND = [
-  ["Forward, back", ["W", "S"], ["↑", "↓"]],
-  ["Left, right", ["A", "D"], ["←", "→"]],
-  ["Up, down", ["R", "F"], ["PgUp", "PgDn"]],
-  ["Grip, let go", ["C", "O"], ["Space", "Enter"]],
-  ["Switch the view", ["V"], []],
+  ["Forward, back", ["KeyW", "KeyS"], ["↑", "↓"]],
+  ["Left, right", ["KeyA", "KeyD"], ["←", "→"]],
+  ["Up, down", ["KeyR", "KeyF"], ["PgUp", "PgDn"]],
+  ["Grip, let go", ["KeyC", "KeyO"], ["Space", "Enter"]],
+  ["Switch the view", ["KeyV"], []],
 ];
 
 /** @param {EventTarget | null} target */
@@ -50,24 +72,28 @@ function isTyping(target) {
 
 /** @param {EventTarget | null} target */
 function isButton(target) {
-  return target instanceof Element && target.closest("button, a[href], summary") !== null;
+  return target instanceof Element && target.closest("button, a[href], summary, [role=button]") !== null;
 }
 
 /**
- * Emits "hands" on every change of direction, "gripper" and "view" once a press.
+ * Emits "hands" on every change of direction, "gripper" and "view" once a press, and "unknown" for a key of which the
+ * keyboard does not say which it is.
  *
- * @extends {Emitter<HandsEvents>}
+ * @extends {Emitter<HandsEvents & { unknown: null }>}
  */
 export class Keyboard extends Emitter {
-  constructor() {
+  /** @param {KeyLabels} [labels] */
+  constructor(labels = new KeyLabels()) {
     super();
+    this.labels = labels;
     /** @type {Node | null} */
     this.scope = null; // null = off; a node: keys pressed inside it drive
     /** @type {Set<string>} */
     this.down = new Set();
+    this._typedMs = Number.NEGATIVE_INFINITY; // when a key was last pressed in a field
     addEventListener("keydown", (event) => this._keyDown(event));
     addEventListener("keyup", (event) => this._keyUp(event));
-    addEventListener("blur", () => this.release());
+    for (const name of LETS_GO) addEventListener(name, () => this.release(), true);
     document.addEventListener("focusin", (event) => this.down.size && isTyping(event.target) && this.release());
   }
 
@@ -94,39 +120,66 @@ export class Keyboard extends Emitter {
     return /** @type {Direction} */ ([0, 1, 2].map((axis) => held(axis, 1) - held(axis, -1)));
   }
 
-  /** @returns {void} */
+  /**
+   * Lets go of every key; one that is still down counts when it is pressed anew.
+   *
+   * @returns {void}
+   */
   release() {
     if (this.down.size === 0) return;
     this.down.clear();
     this._changed();
   }
 
+  /**
+   * The place of a key, as far as it can be told; "" for none.
+   *
+   * @param {KeyboardEvent} event
+   * @returns {string}
+   */
+  _placeOf({ code, key }) {
+    if (code && code !== "Unidentified") return code;
+    return BY_KEY[key.toLowerCase()] ?? this.labels.placeOf(key) ?? "";
+  }
+
   /** @param {KeyboardEvent} event */
   _keyDown(event) {
-    if (!this.scope || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target)) return;
+    if (TAKES_KEYS.has(event.key)) this.release();
+    if (isTyping(event.target)) this._typedMs = event.timeStamp;
+    if (!this.scope || event.isComposing || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target))
+      return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
-    const gripper = GRIPPER[event.code];
+    const code = this._placeOf(event);
+    if (code === "" && (event.key === "Unidentified" || event.key === "Process")) this.emit("unknown");
+    const gripper = GRIPPER[code];
+    const isLate = event.timeStamp - this._typedMs < TYPING_MS;
     if (gripper) {
-      if (isButton(event.target) && !event.code.startsWith("Key")) return; // Space and Enter press that button
+      if (isButton(event.target) && !code.startsWith("Key")) return; // Space and Enter press that button
       event.preventDefault();
-      if (!event.repeat) this.emit("gripper", gripper);
+      if (isLate)
+        this._typedMs = event.timeStamp; // it was meant for the field that has just gone
+      else if (!event.repeat) this.emit("gripper", gripper);
       return;
     }
-    if (event.code === SWITCH_VIEW) {
+    if (code === SWITCH_VIEW) {
       event.preventDefault();
       if (!event.repeat) this.emit("view");
       return;
     }
-    if (!(event.code in AXES)) return;
+    if (!(code in AXES)) {
+      if (isLate) this._typedMs = event.timeStamp;
+      return;
+    }
     event.preventDefault();
-    if (event.repeat || this.down.has(event.code)) return;
-    this.down.add(event.code);
+    if (event.repeat || this.down.has(code)) return;
+    this.down.add(code);
     this._changed();
   }
 
   /** @param {KeyboardEvent} event */
   _keyUp(event) {
-    if (this.down.delete(event.code)) this._changed();
+    if (TAKES_KEYS.has(event.key)) this.release(); // macOS never tells the release of what went up meanwhile
+    if (this.down.delete(this._placeOf(event))) this._changed();
   }
 
   _changed() {

@@ -2,6 +2,7 @@
 // answer. Made to be read from across a room.
 
 import { h, icon, setText } from "../common/dom.js";
+import { onlyFreshKeys } from "../common/fresh_keys.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { card, Toasts } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
@@ -24,6 +25,7 @@ const CONNECTION = {
   outdated: ["warning", "Page out of date"],
 };
 
+onlyFreshKeys();
 const session = sessionOfPage();
 const socket = new LabSocket({ url: socketUrl(`/s/${session}/panel/socket`), name: `${session}:panel` });
 const sound = new Sound();

@@ -6,6 +6,7 @@ import { controlName } from "../hands/mapping.js";
 
 /** @import { Input } from "../hands/input.js" */
 /** @import { Pad } from "../hands/gamepad.js" */
+/** @import { KeyLabels } from "../hands/layout.js" */
 /** @import { Action } from "../hands/mapping.js" */
 
 /** @type {[what: string, ...actions: Action[]][]} */
@@ -17,14 +18,18 @@ const PAIRS = [
   ["Switch the view", "view"],
 ];
 
+export const UNKNOWN_KEY =
+  "This keyboard does not tell which key was pressed, as keyboards on a touch screen do. Use one with real keys, or a gamepad.";
 const key = (/** @type {string} */ text) => h("kbd", {}, text);
 
 /**
- * A table of keys; both columns do the same.
+ * A table of keys, as they are printed on this person's keyboard; both columns do the same.
  *
+ * @param {KeyLabels} labels
  * @returns {HTMLTableElement}
  */
-export function keyboardLegend() {
+export function keyboardLegend(labels) {
+  const printed = (/** @type {string} */ name) => key(labels.of(name));
   return h(
     "table",
     { class: "legend" },
@@ -33,7 +38,7 @@ export function keyboardLegend() {
       "tbody",
       {},
       LEGEND.map(([what, first, second]) =>
-        h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(key)), h("td", {}, second.map(key))),
+        h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(printed)), h("td", {}, second.map(key))),
       ),
     ),
   );
@@ -69,5 +74,7 @@ export function padLegend({ mapping }) {
  * @returns {HTMLTableElement}
  */
 export function legendFor(input) {
-  return input.device === "gamepad" && input.pads.pad ? padLegend(input.pads.pad) : keyboardLegend();
+  return input.device === "gamepad" && input.pads.pad
+    ? padLegend(input.pads.pad)
+    : keyboardLegend(input.keyboard.labels);
 }

@@ -4,7 +4,7 @@ import { h, icon, setText } from "../common/dom.js";
 import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
-import { legendFor } from "./controls.js";
+import { legendFor, UNKNOWN_KEY } from "./controls.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
@@ -148,6 +148,8 @@ export class DriveView {
       socket.on("instruction", (event) => this._instruct(event.detail)),
       socket.on("state", () => this._refresh()),
       input.on("device", (event) => this._device(event.detail)),
+      input.keyboard.on("unknown", () => this._say(UNKNOWN_KEY)),
+      input.keyboard.labels.on("labels", () => this._drawLegend()),
       input.on("view", () => this._driving() && this.scene.next()),
       sound.on("state", () => this._refresh()),
     ];

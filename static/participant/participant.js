@@ -1,6 +1,7 @@
 // The participant's page: one socket, one pair of hands, and a view for each state of the study.
 
 import { h } from "../common/dom.js";
+import { onlyFreshKeys } from "../common/fresh_keys.js";
 import { t } from "../common/language.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { ask, card, Shell } from "../common/shell.js";
@@ -24,6 +25,7 @@ const views = new Map();
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 
+onlyFreshKeys();
 const session = sessionOfPage();
 const socket = new LabSocket({ url: socketUrl(`/s/${session}/socket`), name: session });
 const sound = new Sound();

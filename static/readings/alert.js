@@ -379,23 +379,12 @@ export class AlertView extends Emitter {
     )
       return;
     if (event.key.length !== 1 || event.key === " " || document.querySelector("dialog[open]")) return;
-    if (this.choices.length === 0) {
-      this.input.focus();
-      return;
-    }
-    if (event.repeat) return; // held since before it appeared
-    const chosen = this.choices.find(({ key }) => isKey(event, key));
+    if (event.repeat) return event.preventDefault(); // held since before it appeared
+    if (this.choices.length === 0) return this.input.focus();
+    // A digit counts wherever the keyboard has it, with or without Shift.
+    const chosen = this.choices.find(
+      ({ key }) => event.key.toLowerCase() === key.toLowerCase() || event.code === `Digit${key}`,
+    );
     if (chosen) this._answer(chosen.id);
   }
-}
-
-/**
- * Whether this character was typed. A digit counts wherever the keyboard has it, with or without Shift.
- *
- * @param {KeyboardEvent} event
- * @param {string} key
- * @returns {boolean}
- */
-function isKey(event, key) {
-  return event.key.toLowerCase() === key.toLowerCase() || event.code === `Digit${key}`;
 }

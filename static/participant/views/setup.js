@@ -6,7 +6,7 @@ import { calibrate } from "../../hands/calibration.js";
 import { remember, remembered } from "../../hands/gamepad.js";
 import { DEAD_ZONE } from "../../hands/mapping.js";
 import { wordsFor } from "../../readings/words.js";
-import { keyboardLegend, padLegend } from "../controls.js";
+import { keyboardLegend, padLegend, UNKNOWN_KEY } from "../controls.js";
 import { indicator } from "../indicator.js";
 import { pictureCheck } from "../picture_check.js";
 import { secondDevice } from "../second_device.js";
@@ -114,7 +114,14 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     stopDetail();
     if (device === "keyboard") {
       input.choose("keyboard");
-      showTest(keyboardLegend());
+      const legend = h("div", {}, keyboardLegend(keyboard.labels));
+      showTest(legend);
+      const deafen = keyboard.labels.on("labels", () => legend.replaceChildren(keyboardLegend(keyboard.labels)));
+      const stop = stopDetail;
+      stopDetail = () => {
+        deafen();
+        stop();
+      };
     } else if (chosen.pad && pads.find(chosen.pad.padId)) padReady(chosen.pad, pads.slot);
     else startCalibration();
   }
@@ -188,7 +195,13 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       { class: "test-gripper", role: "status", data: { testid: "test-gripper" } },
       "Gripper: nothing pressed yet",
     );
-    const deafen = input.on("gripper", (event) => setText(press, `Gripper: ${event.detail} pressed`));
+    const unknown = h("p", { class: "field-error", role: "status", hidden: true }, icon("warning"), UNKNOWN_KEY);
+    const deafen = [
+      input.on("gripper", (event) => setText(press, `Gripper: ${event.detail} pressed`)),
+      keyboard.on("unknown", () => {
+        unknown.hidden = false;
+      }),
+    ];
     const area = h(
       "div",
       {
@@ -201,6 +214,7 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       h("p", { class: "test-title" }, "Try it here"),
       hands.element,
       press,
+      unknown,
       h(
         "p",
         { class: "hint" },
@@ -216,7 +230,7 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     stopDetail = () => {
       keyboard.listen(null);
       hands.close();
-      deafen();
+      for (const stop of deafen) stop();
       stopDetail = () => {};
     };
   }
