@@ -210,6 +210,18 @@ class Instruction(Message):
     """The bin in words."""
 
 
+class Hint(BaseModel):
+    """What to do when the arm does not move; the page has the words."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    cause: Literal["touches", "touches_closed", "touches_holding", "low", "high", "near", "limit"]
+    """Something is in the way, of an open gripper, a closed one or one that holds something; or the gripper is as low,
+    as high or as near to the robot as it goes, or the arm reaches no further."""
+    ways: tuple[Literal["up", "back", "left", "right", "forward", "down", "open"], ...]
+    """What leads out, one after the other: directions as the person sees them, or to open the gripper."""
+
+
 class Tick(Message):
     """A tick is on disk. `seq` acknowledges inputs. `assisting` is null unless the study shows who is driving."""
 
@@ -232,6 +244,8 @@ class Tick(Message):
     """Whether an object is in the gripper."""
     blocked: bool
     """Whether the arm could not go where it was sent."""
+    hint: Hint | None = None
+    """What to do about it; null when it was not blocked."""
     assisting: bool | None = None
     """Whether the robot acted beyond the input; null unless the study shows it."""
     notice: str | None = None

@@ -89,6 +89,7 @@ def tick_message(
             "gripper": view.gripper,
             "holding": view.holding,
             "blocked": view.blocked,
+            "hint": {"cause": view.hint.cause, "ways": view.hint.ways} if view.hint else None,
             "assisting": view.source in ("robot", "blend") if show_assistance else None,
             "notice": notice(view.ended, before, labels),
         }

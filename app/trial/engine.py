@@ -26,16 +26,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Explanation, State
 from app.trial.feasibility import Feasibility
 from app.trial.goals import Goals, candidates, compact_json
+from app.trial.hints import Hint, hint_for
 from app.trial.motion import motion_segments, unit_direction
 from app.trial.reasoning import Limit, Reasoning, Told
 from app.trial.tasks import TaskProgress
 from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
 from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
+from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
@@ -112,6 +116,7 @@ class TrialEngine:
         self._reset_ticks_left = 0
         self._settling_ticks = 0
         self._loose_ticks = 0
+        self._pressed_ticks = 0
         self._pending: _Tick | None = None
         self._world: WorldState | None = None
         self._is_open = False
@@ -157,7 +162,9 @@ class TrialEngine:
         """The belief after the last tick; None before the first."""
         return self._belief
 
-    def view(self, source: str = "idle", blocked: bool = False, ended: Verdict | None = None) -> TrialView:
+    def view(
+        self, source: str = "idle", blocked: bool = False, ended: Verdict | None = None, hint: Hint | None = None
+    ) -> TrialView:
         """The trial as a page may show it now."""
         progress, world = self._progress, self.world
         phase: Literal["operating", "gripper", "settling", "reset", "finished"] = "operating"
@@ -181,6 +188,7 @@ class TrialEngine:
             blocked=blocked,
             source=source,
             ended=ended,
+            hint=hint,
         )
 
     def explain(self) -> Explanation:
@@ -242,6 +250,8 @@ class TrialEngine:
         if pending.action is not None and any(pending.action) and world.lagging:
             blocked, reason = True, "the arm is pressed against something"
         self._momentum = pending.momentum(bool(blocked))
+        hint = self._hint(pending, reason) if blocked and pending.action is not None else None
+        self._pressed_ticks = self._pressed_ticks + 1 if hint is not None else 0
         row = TickRow(
             **pending.row,
             blocked=int(blocked),
@@ -260,10 +270,21 @@ class TrialEngine:
             row=row,
             tasks=tasks,
             events=tuple(events),
-            view=self.view(row.source, blocked, verdict),
+            view=self.view(row.source, blocked, verdict, hint),
             cycle_start=cycle_start,
             finished=self.finished,
         )
+
+    def _hint(self, pending: _Tick, reason: str | None) -> Hint:
+        assert pending.action is not None
+        world, reach_m = self.world, self.setup.timing.speed_m_s * TICK_S
+        clear = clearance(world, self.scene)
+
+        def can_go(way: Vector3) -> bool:
+            x_m, y_m, z_m = (reach_m * part for part in way)
+            return clear((x_m, y_m, z_m)) and bool(self._robot.feasible(np.array([(x_m, y_m, z_m)]))[0])
+
+        return hint_for(unit_direction(pending.action), reason, world, can_go, self._pressed_ticks)
 
     # ---- the start of a tick ------------------------------------------------------------------------------------
 
@@ -456,6 +477,7 @@ class TrialEngine:
         self._gripper_ticks_left = 0
         self._settling_ticks = 0
         self._loose_ticks = 0
+        self._pressed_ticks = 0
         self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
         self._reasoning.begin_cycle()
         self._robot.reset(self.scene)

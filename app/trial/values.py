@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from app.autonomy.actions import Direction
 from app.autonomy.interface import Models
+from app.trial.hints import Hint
 from app.trial.verdicts import Verdict
 from sim.interface import Pose, SceneSpec, Vector3
 from study.parts.shelf import Named
@@ -103,6 +104,8 @@ class TrialView:
     source: str
     ended: Verdict | None
     """Verdict of the task that ended in this tick."""
+    hint: Hint | None = None
+    """What to do, when the arm does not move."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
 import { legendFor, UNKNOWN_KEY } from "./controls.js";
+import { hintText } from "./hint.js";
 import { indicator } from "./indicator.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
@@ -383,7 +384,7 @@ export class DriveView {
       goOn.title = goOn.disabled ? "The picture of the robot is not there yet." : "";
     }
     const blocked = state === "running" && this.tick?.blocked;
-    setText(this.hintText, blocked ? "Cannot move further that way" : "");
+    setText(this.hintText, blocked ? hintText(this.tick?.hint) : "");
     this.hint.classList.toggle("shown", Boolean(blocked));
     if (state === "lost" || state === "paused") this.notice.hidden = true;
     const assisting = this.tick?.assisting ?? null;

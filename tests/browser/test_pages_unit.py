@@ -750,7 +750,15 @@ def test_the_drive_page_tells_what_to_do_and_what_is_happening(page: Page, lab: 
     assert page.get_by_test_id("progress").inner_text() == "Task 1 of 6 · Round 1 of 3"
     assert page.get_by_test_id("assisting").is_hidden()
     lab.send(tick(1, blocked=True, assisting=True))
-    page.get_by_text("Cannot move further that way").wait_for()
+    page.get_by_text("Cannot move further that way. Go another way.").wait_for()
+    for cause, ways, words in (
+        ("touches_closed", ["back", "open"], "The closed gripper touches something. Go back. Open the gripper."),
+        ("low", ["up"], "The gripper is as low as it goes. Go up."),
+        ("touches_holding", ["up"], "The gripper, or what it holds, touches something. Go up."),
+        ("limit", [], "The arm reaches no further that way."),
+    ):
+        lab.send(tick(1, blocked=True, assisting=True, hint={"cause": cause, "ways": ways}))
+        page.get_by_test_id("drive-hint").get_by_text(words, exact=True).wait_for()
     assert page.get_by_test_id("assisting").inner_text() == "The robot is assisting"
     for status, words in (("resetting", "Resetting"), ("gripper", "Gripper moving"), ("finished", "Finished")):
         lab.send(tick(2, status=status))

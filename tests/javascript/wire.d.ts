@@ -134,6 +134,12 @@ export interface Error {
   id: string | null;
 }
 
+/** What to do when the arm does not move; the page has the words. */
+export interface Hint {
+  cause: "touches" | "touches_closed" | "touches_holding" | "low" | "high" | "near" | "limit";
+  ways: Array<"up" | "back" | "left" | "right" | "forward" | "down" | "open">;
+}
+
 /** The current task in words and ids; the page draws the picture from the ids. */
 export interface Instruction {
   type: "instruction";
@@ -204,6 +210,7 @@ export interface Tick {
   gripper: "open" | "closed" | "moving";
   holding: boolean;
   blocked: boolean;
+  hint: Hint | null;
   assisting: boolean | null;
   notice: string | null;
 }

@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 
 from app.session.pages import FAILURES, VIEWS, instruction, notice, page, tick_message
-from app.trial.values import TickResult, TrialView
+from app.trial.values import TickResult, TrialView, UserInput
 from app.trial.verdicts import Verdict
 from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
@@ -328,6 +328,14 @@ def test_without_an_end_there_is_nothing_to_say() -> None:
     assert notice(None, before, LABELS) is None
     assert notice(Verdict("success"), None, LABELS) is None
     assert notice(Verdict("success"), before, LABELS) is None  # a pickup: the next instruction says enough
+
+
+def test_a_blocked_tick_says_what_to_do() -> None:
+    engine = opened(trial_setup("balanced"))
+    sent = messages([engine.tick(UserInput((0, 0, -1))) for _ in range(8)])
+    assert sent[-1].hint is not None
+    assert sent[-1].hint.model_dump() == {"cause": "low", "ways": ("up",)}
+    assert sent[0].hint is None
 
 
 def test_a_blocked_tick_says_so() -> None:
