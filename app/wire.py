@@ -249,7 +249,9 @@ class Tick(Message):
     assisting: bool | None = None
     """Whether the robot acted beyond the input; null unless the study shows it."""
     notice: str | None = None
-    """One line about the task that just ended, for the participant."""
+    """One line about the task that just ended, or about what slipped, for the participant."""
+    slipped: bool = False
+    """Whether what was held has slipped out of the gripper, which nobody had opened."""
 
 
 class World(Message):

@@ -294,9 +294,55 @@ def to_glb(mesh: Mesh, material: Material = "lit") -> bytes:
     if material != "lit":
         look["extensions"] = {"KHR_materials_unlit": {}}
         document["extensionsUsed"] = ["KHR_materials_unlit"]
+    return _packed(document, b"".join(data for _, data, *_ in streams))
+
+
+def cap_glb(glb: bytes) -> bytes:
+    """What fills a body of `to_glb` where a near plane cuts it open: its triangles, seen from within, in one colour.
+
+    From outside nothing of it is seen. The colour is the body's own on average, darker, and takes no light: the cut
+    looks like a cut through something solid.
+    """
+    (length,) = struct.unpack_from("<I", glb, 12)
+    document, binary = json.loads(glb[20 : 20 + length]), glb[28 + length :]
+    accessors, views = document["accessors"], document["bufferViews"]
+    attributes = document["meshes"][0]["primitives"][0]["attributes"]
+
+    def read(number: int, kind: str, width: int) -> NDArray[np.generic]:
+        start, size = views[number]["byteOffset"], views[number]["byteLength"]
+        return np.frombuffer(binary[start : start + size], dtype=kind).reshape(-1, width)
+
+    indices = document["meshes"][0]["primitives"][0]["indices"]
+    number, shades = attributes["COLOR_0"], accessors[attributes["COLOR_0"]]["componentType"]
+    kind, steps = ("u1", 255.0) if shades == 5121 else ("<u2", 65535.0)
+    color = read(number, kind, 4)[:, :3].mean(axis=0) / steps * CAP_SHADE
+    faces = read(indices, "<u2" if accessors[indices]["componentType"] == 5123 else "<u4", 3)
+    streams = (binary[: views[attributes["POSITION"]]["byteLength"]], faces[:, ::-1].tobytes())
+    document["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]
+    document["accessors"] = [accessors[attributes["POSITION"]], {**accessors[indices], "bufferView": 1}]
+    document["bufferViews"] = [
+        {"buffer": 0, "byteOffset": 0, "byteLength": len(streams[0]), "target": 34962},
+        {"buffer": 0, "byteOffset": len(streams[0]), "byteLength": len(streams[1]), "target": 34963},
+    ]
+    document["buffers"] = [{"byteLength": len(streams[0]) + len(streams[1])}]
+    document["materials"] = [
+        {
+            "pbrMetallicRoughness": {"baseColorFactor": [*color.tolist(), 1.0], "metallicFactor": 0.0},
+            "extensions": {"KHR_materials_unlit": {}},
+        }
+    ]
+    document["extensionsUsed"] = ["KHR_materials_unlit"]
+    return _packed(document, b"".join(streams))
+
+
+CAP_SHADE = 0.45
+"""How bright the colour of a cut is, beside the body's own (linear)."""
+
+
+def _packed(document: dict[str, object], binary: bytes) -> bytes:
+    """A glTF document and its buffer as one GLB."""
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    binary = b"".join(data for _, data, *_ in streams)
     binary += b"\0" * (-len(binary) % 4)
     total = 12 + 8 + len(text) + 8 + len(binary)
     return b"".join(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,14 +18,18 @@ from typing import Any
 import viser
 
 from sim.interface import QuaternionWxyz, SimError, Vector3
-from sim.meshes import Material, Mesh, to_glb
-from sim.views import CameraView
+from sim.meshes import Material, Mesh, cap_glb, to_glb
+from sim.views import INSET, CameraView, FollowingView
 
 
 @lru_cache(maxsize=128)
 def glb(make: Callable[..., Mesh], material: Material, *given: Any) -> bytes:
     """`to_glb(make(*given), material)`, made once in a process: a second server shows the same things at once."""
     return to_glb(make(*given), material)
+
+
+cap = lru_cache(maxsize=128)(cap_glb)
+"""`cap_glb`, made once in a process."""
 
 
 @dataclass
@@ -37,6 +42,8 @@ class Node:
     visible: bool = True
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     text: str = ""
+    cap: bytes | None = None
+    """What fills it where the inset cuts it open."""
 
     def put(self, position: Sequence[float], wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> None:
         """Where it is, metres, and how it is turned."""
@@ -69,6 +76,10 @@ class Node:
             self.text = text
 
 
+STILL_M = 1e-4
+"""A following camera that is so near to its place stands there."""
+
+
 class NodeServer:
     """A viser server on a free port of 127.0.0.1. All methods belong to one thread; viser's own threads only send."""
 
@@ -76,6 +87,8 @@ class NodeServer:
         self.nodes: dict[str, Node] = {}
         self._server: viser.ViserServer | None = None
         self._framed: dict[int, tuple[str, float]] = {}
+        self._caps: dict[int, dict[str, Any]] = {}
+        """Handles of the caps by the inset that has them, and by node."""
 
     @property
     def is_open(self) -> bool:
@@ -103,7 +116,7 @@ class NodeServer:
     def open(self) -> None:
         """Start it: an empty scene with two lights."""
         # A browser may leave while its camera is being aimed; viser warns of what it then cannot deliver.
-        warnings.filterwarnings("ignore", r"Queued a Set\w+ on a closed connection", UserWarning)
+        warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         # viser prints a banner with its address, which is nobody's business but the proxy's.
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -121,6 +134,7 @@ class NodeServer:
         server, self._server = self._server, None
         self.nodes.clear()
         self._framed.clear()
+        self._caps.clear()
         if server is not None:
             with contextlib.redirect_stdout(io.StringIO()):
                 server.stop()
@@ -135,15 +149,15 @@ class NodeServer:
 
     # -- nodes
 
-    def add(self, name: str, model: bytes, *, visible: bool = True) -> Node:
-        """A new node with a model (GLB)."""
+    def add(self, name: str, model: bytes, *, visible: bool = True, solid: bool = False) -> Node:
+        """A new node with a model (GLB); a `solid` one looks solid where an inset cuts it open."""
         handle = self.running.scene.add_glb(name, model, cast_shadow=False, receive_shadow=False, visible=visible)
-        node = self.nodes[name] = Node(handle, visible=visible)
+        node = self.nodes[name] = Node(handle, visible=visible, cap=cap(model) if solid else None)
         return node
 
-    def node(self, name: str, make: Callable[..., Mesh], material: Material, *given: Any) -> Node:
+    def node(self, name: str, make: Callable[..., Mesh], material: Material, *given: Any, solid: bool = False) -> Node:
         """The node of that name, made of `make(*given)` when it is new."""
-        return self.nodes.get(name) or self.add(name, glb(make, material, *given))
+        return self.nodes.get(name) or self.add(name, glb(make, material, *given), solid=solid)
 
     def label(self, name: str) -> Node:
         """The label of that name: words that stay the same size on the screen, above where it is put."""
@@ -155,6 +169,9 @@ class NodeServer:
         """Take away all nodes whose names begin like this."""
         for name in [name for name in self.nodes if name.startswith(beginning)]:
             self.nodes.pop(name).handle.remove()
+            for caps in self._caps.values():
+                if name in caps:
+                    caps.pop(name).remove()
 
     # -- cameras
 
@@ -165,20 +182,31 @@ class NodeServer:
             camera.position = view.position_world_m
             camera.look_at = view.look_at_world_m
             camera.fov = view.fov_rad
-            camera.near = 0.05
-            camera.far = 20.0
+            camera.near = view.near_m
+            camera.far = view.far_m
 
-    def aim(self, view: CameraView) -> None:
-        """Point every camera that does not yet show the view; later clients start there by themselves."""
+    def aim(
+        self, view: CameraView, following: FollowingView | None = None, gripper_world_m: Vector3 | None = None
+    ) -> None:
+        """Point every camera that does not yet show what it should; later clients start at `view` by themselves.
+
+        A browser whose near plane is that of `INSET` is the inset (its page says so, `app/web/scene_proxy.py`): it
+        shows `following` at the gripper. Every other shows `view`.
+        """
         self.start_at(view)
         clients = self.running.get_clients()
-        for gone in self._framed.keys() - clients.keys():
-            del self._framed[gone]
+        for kept in (self._framed, self._caps):
+            for gone in kept.keys() - clients.keys():
+                del kept[gone]
         for number, client in clients.items():
             eye = client.camera
-            fov_rad = view.fov_rad
-            if eye.image_width > 0 and eye.image_height > 0:
-                fov_rad = view.vertical_fov_rad(eye.image_width / eye.image_height)
+            aspect = eye.image_width / eye.image_height if eye.image_width > 0 and eye.image_height > 0 else None
+            if math.isclose(eye.near, INSET.near_m, rel_tol=1e-3):
+                if following is not None and gripper_world_m is not None and aspect is not None:
+                    self._cap(number, client)
+                    self._follow(client, following.at(gripper_world_m, aspect))
+                continue
+            fov_rad = view.fov_rad if aspect is None else view.vertical_fov_rad(aspect)
             wanted = (view.name, round(fov_rad, 3))
             if self._framed.get(number) == wanted:
                 continue
@@ -189,3 +217,27 @@ class NodeServer:
                 eye.look_at = view.look_at_world_m
                 eye.fov = fov_rad
             client.flush()
+
+    def _cap(self, number: int, client: viser.ClientHandle) -> None:
+        """Give an inset the caps it lacks. They hang from the nodes that they fill, and no other browser has them."""
+        caps = self._caps.setdefault(number, {})
+        for name, node in self.nodes.items():
+            if node.cap is not None and name not in caps:
+                caps[name] = client.scene.add_glb(f"{name}/cap", node.cap, cast_shadow=False, receive_shadow=False)
+
+    def _follow(self, client: viser.ClientHandle, view: CameraView) -> None:
+        """The handle's setters send what differs from what the browser last said, so that an echo that was under way
+        while the camera moved is put right with the next slice."""
+        eye = client.camera
+        if (
+            math.dist(eye.position, view.position_world_m) < STILL_M
+            and math.dist(eye.look_at, view.look_at_world_m) < STILL_M
+            and math.isclose(eye.fov, view.fov_rad, rel_tol=1e-3)
+        ):
+            return
+        with client.atomic():
+            eye.up_direction = (0.0, 0.0, 1.0)
+            eye.position = view.position_world_m
+            eye.look_at = view.look_at_world_m
+            eye.fov = view.fov_rad
+        client.flush()

@@ -428,10 +428,25 @@ def belief_mesh() -> Mesh:
 
 
 def mark_mesh() -> Mesh:
-    """A ring that may point out the instructed thing. For `blend`."""
+    """A ring on the table that may point out the instructed object. For `blend`."""
     n = 40
-    rings = np.concatenate([circle(0.066, 0.0, n=n), circle(0.075, 0.0, n=n)])
+    return _flat_band(circle(0.066, 0.0, n=n), circle(0.075, 0.0, n=n))
+
+
+def bin_mark_mesh(target: Bin) -> Mesh:
+    """A band around a bin's rim that may point it out, about the middle of its opening. For `blend`."""
+    size_x_m, size_y_m = target.inner_size_m
+    inner, outer = (
+        rectangle(size_x_m + 2.0 * away_m, size_y_m + 2.0 * away_m, 0.0, corner_m=away_m)
+        for away_m in (BIN_WALL_M + 0.012, BIN_WALL_M + 0.030)
+    )
+    return _flat_band(inner, outer)
+
+
+def _flat_band(inner_m: FloatArray, outer_m: FloatArray) -> Mesh:
+    """The flat white band between two rings of as many points, facing up."""
+    n = len(inner_m)
     around = np.arange(n)
     ahead = (around + 1) % n
     faces = np.concatenate([np.stack([around, around + n, ahead + n], -1), np.stack([around, ahead + n, ahead], -1)])
-    return painted(rings, faces, WHITE, 0.9)
+    return painted(np.concatenate([inner_m, outer_m]), faces, WHITE, 0.9)

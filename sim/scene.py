@@ -23,7 +23,7 @@ from sim import fetch, props
 from sim.assets import RobotLook, robot_look
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.nodes import NodeServer
-from sim.views import DEFAULT_VIEW, VIEWS, CameraView
+from sim.views import DEFAULT_VIEW, VIEWS, CameraView, FollowingView
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
 
@@ -38,6 +38,8 @@ class SceneOptions:
     """Soft spots under the objects and the gripper."""
     marked: bool = False
     """Whether `mark` may ring the instructed object or bin."""
+    inset: FollowingView | None = None
+    """What a browser that shows the inset sees; None = the scene serves none."""
     orbit_from: CameraView | None = None
     """Where browsers start that then steer their own cameras; None = all look where `set_view` says."""
     reset_tween_s: float = 0.6
@@ -62,6 +64,8 @@ class _Shown:
     opening_m: float = 0.0
     poses: Mapping[str, tuple[Vector3, QuaternionWxyz]] = field(default_factory=dict)
     tween: _Tween | None = None
+    marked: str | None = None
+    """The object or bin with the ring."""
 
 
 class SceneView:
@@ -109,7 +113,7 @@ class SceneView:
         self.server.open()
         with self.server.batch():
             for link, model in self._look.glb_by_link.items():
-                self.server.add(f"/robot/{link}", model, visible=False)
+                self.server.add(f"/robot/{link}", model, visible=False, solid=True)
             self.server.node("/floor", props.floor_mesh, "blend").put((0.5, 0.0, 0.0))
             self._aim()
         return self.server.port
@@ -137,7 +141,8 @@ class SceneView:
     # -- what is seen
 
     def show(self, scene: SceneSpec, delivered: Mapping[str, Pose] | None = None) -> None:
-        """Show a fresh world. The arm glides from where it was seen last to its new place over the next updates.
+        """Show a fresh world, nothing marked. The arm glides from where it was seen last to its new place over the next
+        updates.
 
         Args:
             scene: the table, the bins and the objects that stand on it.
@@ -153,7 +158,9 @@ class SceneView:
         shown.specs.update({spec.id: spec for spec in (*scene.gone, *(placed.spec for placed in scene.objects))})
         if shown.joints_rad is not None:
             shown.tween = _Tween(shown.joints_rad, shown.opening_m, self._clock())
+        shown.marked = None
         with self.server.batch():
+            self._mark(None)
             self._show_fixed(scene)
             standing = {placed.spec.id: placed.rest_pose for placed in scene.objects}
             self._place({**(delivered or {}), **standing}, hide_others=delivered is not None)
@@ -182,6 +189,7 @@ class SceneView:
             self._place({**(delivered or {}), **present}, hide_others=True)
             if "gripper_link" in poses:
                 self._plumb(poses["gripper_link"][0])
+            self._mark(self._shown.marked)
             self._aim()
 
     def set_view(self, name: str) -> None:
@@ -197,15 +205,26 @@ class SceneView:
             self._aim()
 
     def mark(self, goal: str | None) -> None:
-        """Ring the instructed object or bin, None = nothing; only if the options allow it. After `show`."""
+        """Ring the instructed object or bin from now on, None = nothing; only if the options allow it. After `show`.
+
+        The ring of an object goes where the object goes."""
+        if not self._options.marked:
+            return
+        self._shown.marked = goal
         with self.server.batch():
-            self._mark(goal if self._options.marked else None)
+            self._mark(goal)
+
+    def tend(self) -> None:
+        """While nothing moves: point the cameras of browsers that have come, or whose picture has another shape."""
+        with self.server.batch():
+            self._aim()
 
     # -- inside
 
     def _aim(self) -> None:
         if self._options.orbit_from is None:
-            self.server.aim(self._view)
+            gripper = self._shown.poses.get("gripper_link")
+            self.server.aim(self._view, self._options.inset, None if gripper is None else gripper[0])
         else:
             self.server.start_at(self._view)
 
@@ -216,10 +235,10 @@ class SceneView:
         server = self.server
         server.remove("/fixed/")
         self._fixed_key = key
-        server.node("/fixed/table", props.table_mesh, "unlit", scene.table).put(scene.table.center_world_m)
+        server.node("/fixed/table", props.table_mesh, "unlit", scene.table, solid=True).put(scene.table.center_world_m)
         for target in scene.bins:
             x_m, y_m = target.center_xy_m
-            server.node(f"/fixed/bin/{target.id}", props.bin_mesh, "unlit", target).put((x_m, y_m, 0.0))
+            server.node(f"/fixed/bin/{target.id}", props.bin_mesh, "unlit", target, solid=True).put((x_m, y_m, 0.0))
             wide_m = max(target.inner_size_m) * 1.25
             if self._options.shadows:
                 shade = server.node(f"/fixed/shade/{target.id}", props.shadow_mesh, "blend", wide_m, wide_m)
@@ -248,7 +267,7 @@ class SceneView:
             spec = self._shown.specs.get(object_id)
             if spec is None:
                 raise SimError(f"no object {object_id!r}; known are {sorted(self._shown.specs)}")
-            node = self.server.node(f"/object/{object_id}", props.object_mesh, "lit", spec)
+            node = self.server.node(f"/object/{object_id}", props.object_mesh, "lit", spec, solid=True)
             node.put(pose.position_world_m, pose.quaternion_wxyz)
             node.show(True)
             if self._options.shadows:
@@ -283,21 +302,20 @@ class SceneView:
 
     def _mark(self, marked: str | None) -> None:
         scene = self._shown.scene
-        if marked is None or scene is None:
-            if "/mark" in self.server.nodes:
-                self.server.nodes["/mark"].show(False)
-            return
-        ring = self.server.node("/mark", props.mark_mesh, "blend")
-        ring.show(True)
-        for placed in scene.objects:
-            if placed.spec.id == marked:
-                x_m, y_m, z_m = placed.base_world_m
-                ring.stretch((1.0, 1.0, 1.0))
-                ring.put((x_m, y_m, z_m + 0.003))
-                return
-        target = scene.bin(marked)
-        ring.stretch((3.0, 3.0, 1.0))
-        ring.put((*target.center_xy_m, target.height_m + 0.01))
+        where, name = None, ""
+        if scene is not None and marked in [placed.spec.id for placed in scene.objects]:
+            x_m, y_m, _ = self.server.nodes[f"/object/{marked}"].position
+            where, name = (x_m, y_m, self._surface_z_m(x_m, y_m) + 0.003), "/mark/object"
+            self.server.node(name, props.mark_mesh, "blend")
+        elif scene is not None and marked is not None:
+            target = scene.bin(marked)
+            where, name = (*target.center_xy_m, target.height_m), f"/fixed/mark/{marked}"
+            self.server.node(name, props.bin_mark_mesh, "blend", target)
+        for known, node in self.server.nodes.items():
+            if known.startswith(("/mark/", "/fixed/mark/")):
+                node.show(known == name)
+        if where is not None:
+            self.server.nodes[name].put(where)
 
     def _tweened(self, state: WorldState) -> tuple[tuple[float, ...], float]:
         tween = self._shown.tween

@@ -435,6 +435,7 @@ class Lab:
             pace=enrolment.pace,
             scene=self.config.scene and enrolment.pace == "real_time",
             heartbeat_timeout_s=setup.study.heartbeat_timeout_s,
+            view=setup.study.view,
         )
 
     def _start_worker(

@@ -25,13 +25,14 @@ FAILURES: Mapping[str, str] = {
     "knocked_over": "The {object} fell over and cannot be picked up any more.",
     "out_of_reach": "The {object} is out of the arm's reach now.",
     "wrong_bin": "The {object} went into the other bin.",
-    "left_on_table": "The {object} was let go over the table.",
+    "left_on_table": "The {object} came down on the table, not in the bin.",
     "outside_bin": "The {object} landed outside the bin.",
     "not_moved": "The {object} was put down too close to where it stood. Please try once more.",
 }
 
 
 HELP_SEEN = "The experimenter has seen your call for help."
+SLIPPED = "The {object} slipped out of the gripper."
 ENDED_EARLY = "This round was ended early. Please go on from here."
 
 
@@ -77,6 +78,10 @@ def tick_message(
 ) -> Tick:
     """What the participant's page learns of a tick."""
     view = result.view
+    slipped = next((event.data["object"] for event in result.events if event.kind == "slipped"), None)
+    told = notice(view.ended, before, labels)
+    if told is None and slipped is not None:
+        told = SLIPPED.format(object=labels.objects[slipped])
     status = {"operating": "running", "gripper": "gripper", "settling": "gripper", "reset": "resetting"}
     return Tick.model_validate(
         {
@@ -91,7 +96,8 @@ def tick_message(
             "blocked": view.blocked,
             "hint": {"cause": view.hint.cause, "ways": view.hint.ways} if view.hint else None,
             "assisting": view.source in ("robot", "blend") if show_assistance else None,
-            "notice": notice(view.ended, before, labels),
+            "notice": told,
+            "slipped": slipped is not None,
         }
     )
 

@@ -112,6 +112,7 @@ class TrialEngine:
         self._belief_text: tuple[Belief | None, str] = (None, "")
         self._held_before: str | None = None
         self._fingers: GripperCommand = "open"
+        self._let_go = False
         self._gripper_ticks_left = 0
         self._reset_ticks_left = 0
         self._settling_ticks = 0
@@ -227,7 +228,7 @@ class TrialEngine:
         self._refresh_belief()
         gripper = self._gripper_command(user_input)
         if gripper is not None:
-            self._fingers = gripper
+            self._fingers, self._let_go = gripper, gripper == "open"
             self._gripper_ticks_left = self.setup.timing.gripper_ticks
         if self._gripper_ticks_left or self._settling_ticks:
             self._pending = self._begin_still(user_input, "gripper", gripper or "hold")
@@ -393,7 +394,8 @@ class TrialEngine:
         if world.held == self._held_before:
             return []
         if world.held is None:
-            return [EngineEvent("released", {"object": self._held_before})]
+            return [EngineEvent("released" if self._let_go else "slipped", {"object": self._held_before})]
+        self._let_go = False
         if world.held != instructed:
             return [EngineEvent("wrong_object_grasped", {"object": world.held, "instructed": instructed})]
         return [EngineEvent("grasped", {"object": world.held})]
@@ -473,7 +475,7 @@ class TrialEngine:
         self._belief = None
         self._momentum = STILL
         self._held_before = None
-        self._fingers = "open"
+        self._fingers, self._let_go = "open", False
         self._gripper_ticks_left = 0
         self._settling_ticks = 0
         self._loose_ticks = 0

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sim.interface import Robot
     from sim.scene import SceneView
     from sim.spectator import SpectatorView
+    from study.definition.sections import ViewSettings
 
 ROBOTS = Registry(
     noun="robot",
@@ -40,11 +41,13 @@ def robot_facts(name: str) -> dict[str, str]:
     return {"robot": name, "package": code.package, "version": code.version, "sha256": code.sha256}
 
 
-def make_scene() -> SceneView:
-    """The 3-D view of one session."""
-    from sim.scene import SceneView
+def make_scene(cues: ViewSettings) -> SceneView:
+    """The 3-D view of one session, with what the study shows of depth."""
+    from sim.scene import SceneOptions, SceneView
+    from sim.views import INSET
 
-    return SceneView()
+    inset = INSET if cues.inset else None
+    return SceneView(options=SceneOptions(plumb_line=cues.drop_mark, marked=cues.ring, inset=inset))
 
 
 def make_spectator_view(beside: SceneView) -> SpectatorView:

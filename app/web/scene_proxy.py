@@ -3,6 +3,10 @@
     browser ── GET /s/<id>/scene/ ──► the client page, from the installed package, patched here
             ══ WebSocket /s/<id>/scene ══► `proxy_scene` ══► ws://127.0.0.1:<port>  (viser, loopback only)
 
+A participant's page opens a second window onto the same server, the inset: `/s/<id>/scene/?inset`. It is the same page
+with another near plane, by which the scene knows it (`sim.nodes`), and draws less often, so that it hardly slows down
+the first.
+
 The same for experimenters at /dashboard/scene/<participant>/, onto the server of their own, with a camera they steer.
 
 Towards the browser everything passes. From the browser only messages about its camera and rendered frames do: viser
@@ -33,6 +37,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.typing import Subprotocol
 
 from app.errors import LabError
+from sim.views import INSET
 
 CLIENT_MESSAGES = frozenset({"ViewerCameraMessage", "GetRenderResponseMessage"})
 """The message types a browser may send."""
@@ -42,6 +47,9 @@ SCENE_LIMIT_BYTES = 50_000_000
 """The largest message viser may send: its whole backlog can come as one."""
 CONNECT_TIMEOUT_S = 5.0
 PROTOCOL_PREFIX = "viser-v"
+
+INSET_EVERY_MS = 100
+"""The inset draws at most so often."""
 
 CLOSE_NORMAL = 1000
 CLOSE_GOING_AWAY = 1001
@@ -71,9 +79,32 @@ _SCRIPT = """
 (() => {
   "use strict";
   const url = new URL(location.href);
-  url.search = "?fixedDpr=1&hideViserLogo";
+  const inset = url.searchParams.has("inset");
+  url.search = "?fixedDpr=1&hideViserLogo" + (inset ? "&initialCameraNear=INSET_NEAR&initialCameraFar=INSET_FAR" : "");
   history.replaceState(null, "", url);
   Object.defineProperty(document, "hasFocus", { value: () => true });
+  // The inset moves a millimetre or two between its pictures; the frames it leaves out are left to the main picture.
+  if (inset) {
+    const every = window.requestAnimationFrame.bind(window);
+    let last = -Infinity;
+    let waiting = new Map();
+    let number = 0;
+    let timer = 0;
+    const draw = (now) => {
+      last = now;
+      const due = waiting;
+      waiting = new Map();
+      timer = 0;
+      for (const callback of due.values()) callback(now);
+    };
+    window.requestAnimationFrame = (callback) => {
+      number += 1;
+      waiting.set(number, callback);
+      if (!timer) timer = setTimeout(() => every(draw), Math.max(0, last + INSET_EVERY_MS - performance.now()));
+      return number;
+    };
+    window.cancelAnimationFrame = (which) => waiting.delete(which);
+  }
   // Without a graphics card smoothed edges cost a third of every frame; with one they cost nothing.
   const software = () => {
     const probe = document.createElement("canvas").getContext("webgl");
@@ -211,7 +242,10 @@ def patched(html: str, steered: bool = False) -> str:
     before, head, after = html.partition("<head>")
     if not head:
         raise SceneError("viser's client page has no <head>; this version of viser is not known to the lab")
+    filled = {"INSET_NEAR": INSET.near_m, "INSET_FAR": INSET.far_m, "INSET_EVERY_MS": INSET_EVERY_MS}
     script = _SCRIPT + _PICTURE_SCRIPT + (_STEERED_SCRIPT if steered else _FIXED_SCRIPT)
+    for name, value in filled.items():
+        script = script.replace(name, f"{value:g}")
     style = _LOOK + ("" if steered else _FIXED_LOOK)
     return f"{before}{head}<script>{script}</script><style>{style}</style>{after}"
 

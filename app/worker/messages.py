@@ -14,6 +14,7 @@ from app.autonomy.interface import Explanation
 from app.config import Pace
 from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
+from study.definition.sections import ViewSettings
 from study.records import OVERRUN_MS
 
 
@@ -32,6 +33,8 @@ class WorkerSpec:
     pace: Pace
     scene: bool
     heartbeat_timeout_s: float
+    view: ViewSettings = field(default_factory=ViewSettings)
+    """What the scene shows of depth."""
 
 
 # ---- lab → worker -----------------------------------------------------------------------------------------------

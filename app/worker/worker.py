@@ -72,7 +72,7 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
         try:
             robot = make_robot(spec.robot)
             open_parts.callback(robot.close)
-            scene = make_scene() if spec.scene else None
+            scene = make_scene(spec.view) if spec.scene else None
             spectator_view = None
             if scene is not None:
                 open_parts.callback(scene.close)
@@ -114,6 +114,7 @@ class Worker:
         self._engine = engine
         self._scene = scene
         self._scene_cycle = 0
+        self._scene_goal: str | None = None
         self._spectator_view = spectator_view
         self._latch = InputLatch(spec.heartbeat_timeout_s, TICK_S)
         self._pacer = Pacer(TICK_S)
@@ -136,7 +137,7 @@ class Worker:
             if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
                 if self._connection.poll(IDLE_WAIT_S):
                     self._obey(self._connection.recv())
-                self._tend_spectator_view()
+                self._tend_views()
             else:
                 self._pace()
 
@@ -208,7 +209,7 @@ class Worker:
                 self._connection.send(HoldChanged(False))
             self._real_time_tick(deadline)
         else:
-            self._tend_spectator_view()  # no slice does it now
+            self._tend_views()
             if self._held:
                 return
             self._held = True
@@ -233,6 +234,12 @@ class Worker:
         world, told = self._world_in_numbers(), self._engine.explain()
         self._connection.send(Ticked(result, world, seq, started_unix_s, late_ms, deadline.missed, told))
         self._draw(ended=result)
+
+    def _tend_views(self) -> None:
+        """Who looks on may change while no slice is drawn."""
+        if self._scene is not None:
+            self._scene.tend()
+        self._tend_spectator_view()
 
     def _tend_spectator_view(self) -> None:
         """What the experimenters see, after what the participant sees. If it fails they lose it; the trial goes on."""
@@ -268,6 +275,10 @@ class Worker:
         if self._scene_cycle != self._engine.cycle:
             self._scene_cycle = self._engine.cycle
             self._scene.show(self._engine.scene, self._engine.delivered)
+            self._scene_goal = None
         elif ended is not None:
             return
+        if self._scene_goal != self._engine.goal:
+            self._scene_goal = self._engine.goal
+            self._scene.mark(self._scene_goal)
         self._scene.update(self._engine.world, self._engine.delivered)

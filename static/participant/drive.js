@@ -7,6 +7,7 @@ import { wordsFor } from "../readings/words.js";
 import { legendFor, UNKNOWN_KEY } from "./controls.js";
 import { hintText } from "./hint.js";
 import { indicator } from "./indicator.js";
+import { Inset } from "./inset.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
 import { Progress } from "./progress.js";
@@ -24,6 +25,7 @@ import { view as pausedView } from "./views/paused.js";
  * @typedef {object} Driving
  * @property {string} scene
  * @property {CameraView[]} views
+ * @property {boolean} [inset] the second picture, from the side; left out: none
  * @property {Instruction | null} instruction
  * @property {number} tasks
  * @property {boolean} ready
@@ -46,6 +48,7 @@ export class DriveView {
     this.input = input;
     this.sound = sound;
     this.scene = new Scene({ socket, session });
+    this.inset = new Inset();
     /** @type {DrivingPage | PausedPage | null} */
     this.page = null;
     this.key = "";
@@ -115,6 +118,7 @@ export class DriveView {
       this.sign.element,
       this.assist,
       this.instruction,
+      this.inset.element,
       this.progress.element,
       h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend),
     );
@@ -170,6 +174,7 @@ export class DriveView {
         // The first thing this tab sees of the round, after a reload.
         this.key = `paused:${page.trial}`;
         this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
+        this._showInset(page.content);
         this.looks = page.content.looks ?? {};
         if (page.content.instruction) this._instruct(page.content.instruction);
         this._drawProgress(0, page.content.tasks);
@@ -188,6 +193,7 @@ export class DriveView {
         this._drawProgress(0, content.tasks);
       }
       this.scene.show({ src: content.scene, key, views: content.views });
+      this._showInset(content);
       this.looks = content.looks ?? {};
       if (content.instruction) this._instruct(content.instruction);
       this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
@@ -218,8 +224,14 @@ export class DriveView {
     this.input.drive(false);
     this.alert?.close();
     this.scene.close();
+    this.inset.close();
     this.hands.close();
     clearTimeout(this._noticeTimer);
+  }
+
+  /** @param {Driving} content */
+  _showInset({ scene, inset = false }) {
+    this.inset.show({ src: scene, key: this.scene.key ?? "", there: inset });
   }
 
   /** @param {DrivingPage} page */
@@ -271,6 +283,7 @@ export class DriveView {
     this._drawProgress(tick.done_tasks, tick.tasks);
     setText(this.gripper, tick.holding ? "Gripper holding" : GRIPPER[tick.gripper]);
     if (tick.notice) this._say(tick.notice);
+    if (tick.slipped) this.sound.slipped();
     this._refresh();
   }
 

@@ -101,6 +101,19 @@ export class Sound extends Emitter {
     this._beep(start + 0.1, 990, 0.12, 0.15);
   }
 
+  /**
+   * Two short falling tones: something slipped. Lower and softer than an alarm, and not to be confused with it.
+   *
+   * @returns {Promise<boolean>} whether they really sounded
+   */
+  async slipped() {
+    if (!(await this.unlock()) || !this.context) return false;
+    const start = this.context.currentTime + 0.01;
+    this._beep(start, 330, 0.12, 0.35);
+    this._beep(start + 0.14, 196, 0.2, 0.35);
+    return true;
+  }
+
   /** @returns {void} */
   silence() {
     for (const tone of this._playing) {

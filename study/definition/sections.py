@@ -175,6 +175,18 @@ class RobotSettings(Part):
     """How long the arm takes back to its start."""
 
 
+class ViewSettings(Part):
+    """What helps the participant to see depth. Each is the same under every condition, and does not depend on what the
+    robot believes. A study of depth itself may do without."""
+
+    inset: Flag = True
+    """Whether the side panel shows a second picture, from the side, that goes where the gripper goes."""
+    ring: Flag = True
+    """Whether a ring lies around the instructed object, or on the instructed bin."""
+    drop_mark: Flag = True
+    """Whether a line goes down from the gripper, to a mark on what is below it."""
+
+
 class DistractorSettings(Part):
     """The second task (paper IV-B): sensor readings, or another kind. The kind's own fields stand in the same table.
     Times are trial time, which stops during a pause."""

@@ -52,6 +52,7 @@ from study.definition.sections import (
     Recruitment,
     RobotSettings,
     Texts,
+    ViewSettings,
 )
 from study.definition.text_placeholders import text_problems
 from study.definition.toml_reader import (
@@ -140,6 +141,7 @@ class Study(Part):
     arbiter: ArbiterSettings = ArbiterSettings()
     inference: InferenceSettings = InferenceSettings()
     robot: RobotSettings = RobotSettings()
+    view: ViewSettings = ViewSettings()
     distractor: DistractorSettings = DistractorSettings()
     quality: QualityRules = QualityRules()
     eligibility: Eligibility = Eligibility()

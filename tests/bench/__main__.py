@@ -1,6 +1,6 @@
 """Figures, not tests: `python -m tests.bench [PART ...]`, which is what `make bench` runs.
 
-Without arguments all parts run (about five minutes), except the one that takes as long again: name it, or say `--all`.
+Without arguments all parts run (about eight minutes), except the one that takes as long again: name it, or say `--all`.
 """
 
 from __future__ import annotations
@@ -33,6 +33,13 @@ def live() -> Iterable[Figure]:
     from tests.bench.live import live_figures
 
     return live_figures()
+
+
+def pictures() -> Iterable[Figure]:
+    """pictures a second of the driving page in a browser, with the inset and without"""
+    from tests.bench.pictures import picture_figures
+
+    return picture_figures()
 
 
 def lockstep() -> Iterable[Figure]:
@@ -71,7 +78,7 @@ def whole() -> Iterable[Figure]:
 
 
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
-    part.__name__: part for part in (decision, robots, live, lockstep, study, analysis, replication, whole)
+    part.__name__: part for part in (decision, robots, live, pictures, lockstep, study, analysis, replication, whole)
 }
 ON_REQUEST = ("whole",)
 

@@ -213,6 +213,7 @@ export interface Tick {
   hint: Hint | null;
   assisting: boolean | null;
   notice: string | null;
+  slipped: boolean;
 }
 
 /** First message of the lab on a socket. */

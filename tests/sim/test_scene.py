@@ -15,7 +15,7 @@ from sim.assets import simple_look
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
 from sim.layouts import practice_scene, scene
 from sim.scene import SceneOptions, SceneView
-from sim.views import DEFAULT_VIEW, VIEWS
+from sim.views import DEFAULT_VIEW, INSET, VIEWS
 from tests.support.shipped_world import ARC, STUDY_OBJECTS
 from tests.support.viser_client import TIMEOUT_S, ViserClient, names
 
@@ -194,14 +194,19 @@ def test_a_study_may_mark_the_instructed_thing() -> None:
         with ViserClient(marking.open()) as client:
             client.backlog()
             np.testing.assert_allclose(
-                client.position("/mark")[:2], SIX.object("sponge_pack").base_world_m[:2], atol=2e-5
+                client.position("/mark/object")[:2], SIX.object("sponge_pack").base_world_m[:2], atol=2e-5
             )
             client.forget()
+            marking.update(world(SIX, sponge_pack=(0.7, 0.1, 0.9)))
+            client.until(type="SetPositionMessage", name="/mark/object")
+            np.testing.assert_allclose(client.position("/mark/object")[:2], (0.7, 0.1), atol=2e-5)
             marking.mark("left_bin")
-            client.until(type="SetPositionMessage", name="/mark")
-            np.testing.assert_allclose(client.position("/mark")[:2], SIX.bins[0].center_xy_m, atol=2e-5)
-            marking.mark(None)
-            client.until(type="SetSceneNodeVisibilityMessage", name="/mark", visible=False)
+            client.until(type="SetPositionMessage", name="/fixed/mark/left_bin")
+            np.testing.assert_allclose(client.position("/fixed/mark/left_bin")[:2], SIX.bins[0].center_xy_m, atol=2e-5)
+            assert not client.visible("/mark/object")
+            client.forget()
+            marking.show(SIX)
+            client.until(type="SetSceneNodeVisibilityMessage", name="/fixed/mark/left_bin", visible=False)
 
 
 def test_after_a_reset_the_arm_glides_home(clock: Clock) -> None:
@@ -252,6 +257,77 @@ def test_a_narrow_window_gets_a_wider_lens(view: SceneView) -> None:
         view.update(world(SIX))
         lens = client.until(type="SetCameraFovMessage", initial=False)
     assert lens["fov"] > VIEWS[DEFAULT_VIEW].fov_rad
+
+
+@pytest.fixture
+def with_inset(clock: Clock) -> Iterator[SceneView]:
+    with SceneView(look=simple_look(), options=SceneOptions(inset=INSET), clock=clock) as opened:
+        opened.open()
+        opened.show(SIX)
+        opened.update(world(SIX))
+        yield opened
+
+
+def test_the_inset_goes_where_the_gripper_goes_and_nobody_elses_camera_does(with_inset: SceneView) -> None:
+    port = with_inset.open()
+    with ViserClient(port) as main, ViserClient(port, width=304, height=236, near=INSET.near_m) as inset:
+        main.backlog()
+        inset.backlog()
+        joined(with_inset, 2)
+        for joints_rad in (START_JOINTS_RAD, (0.4, *START_JOINTS_RAD[1:])):
+            inset.forget()
+            seen = world(SIX, joints_rad)
+            with_inset.update(seen)
+            gripper_m = seen.position_world_gripper_m
+            stands = INSET.at(gripper_m, 304 / 236)
+            moved = inset.until(type="SetCameraPositionMessage", initial=False)
+            assert moved["position"] == pytest.approx(stands.position_world_m, abs=1e-3)
+            looks = inset.until(type="SetCameraLookAtMessage", initial=False)
+            while looks["look_at"] != pytest.approx(stands.look_at_world_m, abs=1e-3):
+                inset.messages.remove(looks)  # the way there: viser moves what it looks at along with the camera
+                looks = inset.until(type="SetCameraLookAtMessage", initial=False)
+        with_inset.set_view("top")
+        main.until(type="SetCameraPositionMessage", initial=False, position=list(VIEWS["top"].position_world_m))
+    placed = [m["position"] for m in main.messages if m["type"] == "SetCameraPositionMessage" and not m["initial"]]
+    assert {tuple(position) for position in placed} <= {view.position_world_m for view in VIEWS.values()}
+
+
+def test_whoever_comes_while_nothing_moves_is_aimed_too(with_inset: SceneView) -> None:
+    with ViserClient(with_inset.open(), width=304, height=236, near=INSET.near_m) as inset:
+        inset.backlog()
+        joined(with_inset)
+        with_inset.tend()
+        inset.until(type="SetCameraPositionMessage", initial=False)
+
+
+def test_what_the_inset_cuts_open_is_filled_in_the_inset_alone(with_inset: SceneView) -> None:
+    port = with_inset.open()
+    with ViserClient(port) as main, ViserClient(port, width=304, height=236, near=INSET.near_m) as inset:
+        main.backlog()
+        inset.backlog()
+        joined(with_inset, 2)
+        with_inset.update(world(SIX, sponge_pack=(0.7, 0.1, 0.9)))
+        inset.until(type="GlbMessage", name="/object/sponge_pack/cap")
+        main.until(type="SetPositionMessage", name="/object/sponge_pack")
+        caps = {name for name in inset.nodes() if name.endswith("/cap")}
+        assert {"/object/sponge_pack/cap", "/fixed/table/cap", "/robot/gripper_link/cap"} <= caps
+        assert not any(name.endswith("/cap") for name in main.nodes())
+        moved = replace(SIX, bins=(replace(SIX.bins[0], center_xy_m=(0.2, 0.8)),))
+        inset.forget()
+        with_inset.show(moved)
+        with_inset.update(world(moved))
+        inset.until(type="GlbMessage", name="/fixed/bin/left_bin/cap")  # of the new one
+
+
+def test_without_an_inset_in_the_study_its_window_shows_nothing_of_its_own(view: SceneView) -> None:
+    view.show(SIX)
+    with ViserClient(view.open(), width=304, height=236, near=INSET.near_m) as inset:
+        inset.backlog()
+        joined(view)
+        view.update(world(SIX))
+        view.update(world(SIX, sponge_pack=(0.7, 0.1, 0.9)))
+        inset.until(type="SetPositionMessage", name="/object/sponge_pack")
+    assert not [m for m in inset.messages if m["type"] == "SetCameraPositionMessage" and not m["initial"]]
 
 
 def test_misuse_is_told(view: SceneView) -> None:

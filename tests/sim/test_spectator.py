@@ -112,7 +112,9 @@ def test_a_spectator_sees_the_belief_over_the_goals_and_which_is_instructed(spec
         assert updates["/belief/column/sponge_pack"]["scale"][2] == pytest.approx(FULL_M * 0.5)
         assert updates["/belief/label/sponge_pack"]["text"] == "▸ pack of sponges 0.50"
         assert updates["/belief/label/wipes_tub"]["text"] == "tub of wipes 0.10"
-        assert client.position("/mark")[:2] == pytest.approx(SIX.object("sponge_pack").base_world_m[:2], abs=2e-5)
+        assert client.position("/mark/object")[:2] == pytest.approx(
+            SIX.object("sponge_pack").base_world_m[:2], abs=2e-5
+        )
         # Something is held: the bins are the goals now.
         client.forget()
         spectators.update(world(SIX), {}, {"left_bin": 0.25, "right_bin": 0.75}, "right_bin")
@@ -315,8 +317,8 @@ async def test_only_experimenters_look_on_and_the_participant_gets_nothing_of_it
         assert {name for name in seen if name.startswith("/object/")} == {
             name for name in participants if name.startswith("/object/")
         }
-        assert "/mark" in seen
-        assert not [name for name in participants if name.startswith(("/mark", "/belief"))]
+        assert "/mark/object" in seen
+        assert not [name for name in participants if name.startswith("/belief")]
 
 
 @pytest.mark.browser

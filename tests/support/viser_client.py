@@ -24,7 +24,7 @@ def decoded(frame: bytes) -> list[dict[str, Any]]:
     return messages
 
 
-def camera_message(width: int = 1280, height: int = 720) -> bytes:
+def camera_message(width: int = 1280, height: int = 720, near: float = 0.1) -> bytes:
     """What a browser says first: where its camera is."""
     return msgspec.msgpack.encode(
         {
@@ -32,7 +32,7 @@ def camera_message(width: int = 1280, height: int = 720) -> bytes:
             "wxyz": [1.0, 0.0, 0.0, 0.0],
             "position": [3.0, 3.0, 3.0],
             "fov": 1.3,
-            "near": 0.1,
+            "near": near,
             "far": 100.0,
             "image_height": height,
             "image_width": width,
@@ -49,12 +49,19 @@ class ViserClient:
     """
 
     def __init__(
-        self, port: int, path: str = "", width: int = 1280, height: int = 720, *, silent: bool = False
+        self,
+        port: int,
+        path: str = "",
+        width: int = 1280,
+        height: int = 720,
+        *,
+        near: float = 0.1,
+        silent: bool = False,
     ) -> None:
         self.messages: list[dict[str, Any]] = []
         self.size_bytes = 0
         self._url = f"ws://127.0.0.1:{port}{path}"
-        self._first = None if silent else camera_message(width, height)
+        self._first = None if silent else camera_message(width, height, near)
         self._socket: ClientConnection
 
     def __enter__(self) -> ViserClient:

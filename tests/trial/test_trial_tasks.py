@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 
 import pytest
 
-from app.trial.values import RobotTiming, TickResult
+from app.trial.values import RobotTiming, TickResult, UserInput
 from sim.interface import Vector3
 from study.records import TaskRow
 from tests.support.engine_cases import (
@@ -211,7 +212,7 @@ def test_an_object_that_slips_while_it_is_carried_ends_the_dropoff_where_it_land
     )
     results = drive(opened(trial_setup(pickups=ONE), robot), lambda _: push(UP), at_most=60)
     assert [summary(task) for task in tasks_of(results)][1] == (2, "dropoff", "failure", "outside_bin")
-    assert [event.kind for event in events_of(results)] == ["grasped", "released"]
+    assert [event.kind for event in events_of(results)] == ["grasped", "slipped"]
     # ControlsState that are still on the stick move nothing while the object falls.
     assert [result.row.source for result in results] == ["user"] * 4 + ["gripper"] * 2
 
@@ -287,9 +288,22 @@ def test_events_say_what_was_grasped_and_what_was_asked_for() -> None:
     assert [[(event.kind, dict(event.data)) for event in result.events] for result in results] == [
         [("wrong_object_grasped", {"object": "sponge_pack", "instructed": TARGET})],
         [],
-        [("released", {"object": "sponge_pack"})],
+        [("slipped", {"object": "sponge_pack"})],
         [],
     ]
+
+
+@pytest.mark.parametrize("held", [TARGET, "sponge_pack"])
+def test_what_leaves_opened_fingers_was_released_and_what_leaves_closed_ones_slipped(held: str) -> None:
+    def told(robot: StagedRobot, presses: Sequence[UserInput]) -> list[str]:
+        results = run(opened(trial_setup(), robot), presses)
+        return [event.kind for event in events_of(results) if event.kind in ("released", "slipped")]
+
+    slipping = StagedRobot({0: lambda world: world.hold(held), 3: lambda world: world.hold(None)})
+    assert told(slipping, [HANDS_OFF, CLOSE, *[HANDS_OFF] * 3]) == ["slipped"]
+    # The press that closes comes first: fingers that are open already take no other.
+    released = StagedRobot({0: lambda world: world.hold(held), 6: lambda world: world.hold(None)})
+    assert told(released, [CLOSE, *[HANDS_OFF] * 3, OPEN, *[HANDS_OFF] * 3]) == ["released"]
 
 
 def test_everything_displaced_is_restored_at_the_next_reset() -> None:

@@ -31,6 +31,7 @@ from app.worker.worker import run as run_worker
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 from sim.kinematic import KinematicRobot
 from study.parts.errors import PartError
+from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import (
     FORWARD,
     HANDS_OFF,
@@ -330,6 +331,12 @@ class Screen:
     def set_view(self, name: str) -> None:
         self.calls.append(("view", name))
 
+    def mark(self, goal: str | None) -> None:
+        self.calls.append(("mark", goal))
+
+    def tend(self) -> None:
+        pass
+
 
 def test_the_scene_shows_every_slice_and_each_cycle_s_own_table(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen()
@@ -343,6 +350,25 @@ def test_the_scene_shows_every_slice_and_each_cycle_s_own_table(monkeypatch: pyt
     # once when ready, each slice of ticks 0 to 2, and the new table when the first cycle was over
     assert len(updates) == 1 + 3 * SLICES_PER_TICK + 1
     assert ("view", "top") in screen.calls
+    # The ring is around what is instructed, from before the first picture of each table.
+    marks = [index for index, call in enumerate(screen.calls) if call[0] == "mark"]
+    assert [screen.calls[index][1] for index in marks] == ["spray_bottle", "sponge_pack"]
+    assert [screen.calls[index - 1][0] for index in marks] == ["show", "show"]
+
+
+def test_what_is_drawn_follows_from_the_world_and_the_task_under_every_condition(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The person drives all the time, so that the world is the same; whatever else differed would be a cue."""
+    drawn = []
+    for condition in CONDITIONS:
+        screen = Screen()
+        commands: list[WorkerCommand] = [Begin()]
+        commands += [ControlsState(seq + 1, FORWARD if seq % 2 else LEFT) for seq in range(8)]
+        lockstep(monkeypatch, commands, spec("lockstep", condition=condition), screen)
+        drawn.append(screen.calls)
+    assert len(drawn[0]) > 8
+    assert drawn[1:] == drawn[:1] * (len(CONDITIONS) - 1)
 
 
 def test_a_report_says_in_numbers_what_the_scene_shows(monkeypatch: pytest.MonkeyPatch) -> None:
