@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 
 from app.session.pages import FAILURES, VIEWS, instruction, notice, page, tick_message
-from app.trial.values import TickResult, TrialView, UserInput
+from app.trial.values import EngineEvent, TickResult, TrialView, UserInput
 from app.trial.verdicts import Verdict
 from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
@@ -136,6 +136,7 @@ def test_the_driving_page_knows_the_scene_the_views_and_whether_ticks_run() -> N
     assert (waiting["running"], waiting["tasks"], waiting["instruction"]) == (False, 2, None)
     assert [view["name"] for view in running["views"]] == [name for name, _ in VIEWS]
     assert running["away_min_s"] == STUDY.distractor.away_min_s
+    assert running["inset"] is True
 
 
 @pytest.mark.parametrize(
@@ -321,6 +322,18 @@ def test_every_failure_has_words_with_the_object_in_them(reason: str) -> None:
     line = notice(Verdict("failure", reason), before, LABELS)
     assert line is not None and "tub of wipes" in line and "{" not in line
     assert reason in FAILURES
+
+
+def test_what_slips_is_said_and_what_is_let_go_is_not() -> None:
+    before = drive(opened(trial_setup()), Person(), at_most=600, until=lambda r: r.row.tick == 0)[0]
+    told = [
+        messages([before, replace(before, events=(EngineEvent(kind, {"object": "wipes_tub"}),))])[1]
+        for kind in ("slipped", "released")
+    ]
+    assert [(message.slipped, message.notice) for message in told] == [
+        (True, "The tub of wipes slipped out of the gripper."),
+        (False, None),
+    ]
 
 
 def test_without_an_end_there_is_nothing_to_say() -> None:

@@ -33,6 +33,7 @@ from app.web import scene_proxy
 from app.web.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
 from sim.assets import simple_look
 from sim.scene import SceneView
+from sim.views import INSET
 from tests.sim.test_scene import SIX, joined, world
 from tests.support.viser_client import PROTOCOL, TIMEOUT_S, ViserClient, camera_message
 
@@ -50,6 +51,12 @@ def test_the_page_is_visers_with_our_script_before_its_own() -> None:
     assert html.count("<head>") == 1
     with pytest.raises(SceneError, match="no <head>"):
         patched("<html></html>")
+
+
+def test_the_page_of_the_inset_names_its_near_plane_by_which_the_scene_knows_it() -> None:
+    html = scene_client_html().decode()
+    assert f"initialCameraNear={INSET.near_m:g}&initialCameraFar={INSET.far_m:g}" in html
+    assert "INSET_" not in html[: html.index("DecompressionStream")]
 
 
 def test_the_page_comes_compressed_once_and_not_again() -> None:
