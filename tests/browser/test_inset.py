@@ -1,4 +1,4 @@
-"""The second picture of the driving page follows the gripper, and nothing waits for it; what slips is said and heard."""
+"""The second picture of the driving page follows the gripper and holds up nobody; what slips is said and heard."""
 
 from __future__ import annotations
 
