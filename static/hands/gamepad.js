@@ -153,6 +153,14 @@ export class Pads extends Emitter {
     );
   }
 
+  /**
+   * @param {Action} action
+   * @returns {boolean}
+   */
+  isOn(action) {
+    return this._on.has(action);
+  }
+
   /** @returns {Direction} */
   direction() {
     return directionOf(this._on);

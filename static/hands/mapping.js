@@ -188,18 +188,6 @@ export function directionOf(actions) {
 }
 
 /**
- * What to print on a key cap for a control.
- *
- * @param {Control} control
- * @returns {string}
- */
-export function controlName(control) {
-  if (control.kind === "button") return `Button ${control.index}`;
-  if (control.kind === "hat") return `D-pad ${control.index}`;
-  return `Axis ${control.index} ${control.sign > 0 ? "+" : "−"}`;
-}
-
-/**
  * @param {Control} a
  * @param {Control} b
  * @returns {boolean}

@@ -2,12 +2,13 @@
 
 import { h } from "../common/dom.js";
 import { LEGEND } from "../hands/keyboard.js";
-import { controlName } from "../hands/mapping.js";
+import { nameOf, padPicture } from "./pad_words.js";
 
 /** @import { Input } from "../hands/input.js" */
-/** @import { Pad } from "../hands/gamepad.js" */
+/** @import { Pad, Pads } from "../hands/gamepad.js" */
 /** @import { KeyLabels } from "../hands/layout.js" */
 /** @import { Action } from "../hands/mapping.js" */
+/** @import { Named } from "./pad_words.js" */
 
 /** @type {[what: string, ...actions: Action[]][]} */
 const PAIRS = [
@@ -45,26 +46,53 @@ export function keyboardLegend(labels) {
 }
 
 /**
- * A table of the learned controls of a pad.
+ * A table of the learned controls of a pad, with a picture where it is known how the pad looks.
  *
  * @param {Pad} pad
  * @returns {HTMLTableElement}
  */
-export function padLegend({ mapping }) {
+export function padLegend({ mapping, isStandard }) {
   return h(
     "table",
-    { class: "legend" },
+    { class: "legend pad-legend" },
     h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
     h(
       "tbody",
       {},
       PAIRS.map(([what, ...actions]) => {
-        const controls = actions.map((action) => mapping[action]).filter((control) => control !== undefined);
-        const names = controls.map((control) => key(controlName(control)));
+        const named = actions.flatMap((action) => {
+          const control = mapping[action];
+          return control ? [{ action, ...nameOf(action, control, isStandard) }] : [];
+        });
+        const [first, second] = named;
+        const chip = (/** @type {string} */ action, /** @type {Named} */ { words, arrow, place }) =>
+          h("kbd", { data: { action } }, place && padPicture(place), `${words} ${arrow}`.trim());
+        // Both ways of one stick, or of one cross, in one.
+        const isOne = first && second && first.arrow && first.words === second.words;
+        const names = isOne
+          ? [chip(`${first.action} ${second.action}`, { ...first, arrow: `${first.arrow} ${second.arrow}` })]
+          : named.map((one) => chip(one.action, one));
         return names.length > 0 ? h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, names)) : null;
       }),
     ),
   );
+}
+
+/**
+ * Marks in a pad's legend what is pushed now, so that a person sees which control is meant.
+ *
+ * @param {HTMLElement} legend
+ * @param {Pads} pads
+ * @returns {() => void} stops it
+ */
+export function lightUp(legend, pads) {
+  return pads.on("hands", () => {
+    for (const chip of legend.querySelectorAll("kbd"))
+      chip.classList.toggle(
+        "on",
+        (chip.dataset.action ?? "").split(" ").some((action) => pads.isOn(/** @type {Action} */ (action))),
+      );
+  });
 }
 
 /**

@@ -377,6 +377,46 @@ def test_what_is_held_since_before_is_named_until_it_was_let_go(page: Page, lab:
     page.get_by_test_id("hands").get_by_text("hands off").wait_for()
 
 
+def test_the_legend_speaks_of_what_was_pressed_and_lights_up(page: Page, lab: FakeLab) -> None:
+    pad = FakePad(page)
+    for mapping, pad_id, words in (
+        (
+            "standard",
+            STANDARD_ID,
+            ["left stick ↑ ↓", "left stick ← →", "right shoulder", "left shoulder", "bottom button"],
+        ),
+        ("", PS3_RAW_ID, ["stick ↑ ↓", "stick ← →", "button 6", "button 5", "button 1"]),
+    ):
+        in_setup(page, lab)
+        pad.connect(pad_id, mapping)
+        pad.tap(9)
+        for step, axis in (("forward", 1), ("left", 0)):
+            asked(page, step)
+            for value in (-1.0, 0.01):
+                pad.axis(axis, value)
+                pad.frames(3)
+        for step, button in (("up", 5), ("down", 4), ("close", 0), ("open", 1)):
+            asked(page, step)
+            pad.tap(button)
+        asked(page, "view")
+        pad.tap(3)
+        legend = page.locator(".pad-legend")
+        assert legend.locator("kbd").all_inner_texts()[:5] == words
+        assert legend.locator("svg").count() == (7 if mapping else 0)
+        pad.press(5)
+        legend.locator("kbd.on[data-action=up]").wait_for()
+        pad.release(5)
+        legend.locator("kbd.on").wait_for(state="detached")
+        lab.state = "trial"
+        page.reload()
+        running(page, lab)
+        pad.tap(9)
+        page.locator(".side .pad-legend").wait_for()
+        side = page.locator(".side").evaluate("(side) => side.scrollHeight - side.clientHeight")
+        assert side <= 0, "all of it is in sight at 1280 x 720"
+        pad.disconnect()
+
+
 # --- which pad -----------------------------------------------------------------------------------------------------
 
 

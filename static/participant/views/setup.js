@@ -6,7 +6,7 @@ import { calibrate } from "../../hands/calibration.js";
 import { remember, remembered } from "../../hands/gamepad.js";
 import { DEAD_ZONE } from "../../hands/mapping.js";
 import { wordsFor } from "../../readings/words.js";
-import { keyboardLegend, padLegend, UNKNOWN_KEY } from "../controls.js";
+import { keyboardLegend, lightUp, padLegend, UNKNOWN_KEY } from "../controls.js";
 import { indicator } from "../indicator.js";
 import { pictureCheck } from "../picture_check.js";
 import { secondDevice } from "../second_device.js";
@@ -184,7 +184,14 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       zone,
       shown,
     );
-    showTest([padLegend(pad), dead, again]);
+    const legend = padLegend(pad);
+    showTest([legend, dead, again]);
+    const stop = stopDetail;
+    const darken = lightUp(legend, pads);
+    stopDetail = () => {
+      darken();
+      stop();
+    };
   }
 
   /** @param {Child} legend */
