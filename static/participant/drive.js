@@ -114,7 +114,7 @@ export class DriveView {
     );
     this.side = h(
       "aside",
-      { class: "side", "aria-label": "What to do and what the robot is doing" },
+      { class: "side", tabindex: "0", "aria-label": "What to do and what the robot is doing" },
       this.sign.element,
       this.assist,
       this.instruction,
