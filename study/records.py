@@ -46,10 +46,12 @@ def column(
     json: Literal["object", "array"] | None = None,
     least: int | None = None,
     most: int | None = None,
+    words: bool = False,
     default: Any = dataclasses.MISSING,
 ) -> Any:
     """A dataclass field that carries its own documentation.
 
+    `words` marks a text that people wrote or named (an answer, an id of the study file), which may look like anything.
     `levels` are all values a text may have, `json` is what a text holds that is JSON, `least` and `most` bound a
     number.
     """
@@ -62,6 +64,7 @@ def column(
             "json": json,
             "least": least,
             "most": most,
+            "words": words,
         },
     )
 
@@ -78,7 +81,7 @@ class ParticipantRow:
 
     participant: str = column("Participant id, unique in the data set")
     seed: int = column("Seed of everything random about this participant", least=0)
-    condition_order: str = column("Condition ids in the order run, joined by '>'")
+    condition_order: str = column("Condition ids in the order run, joined by '>'", words=True)
     state: str = column("State of the session when exported (done = complete)")
     study_hash: str = column("SHA-256 of the study file this participant ran under")
     created_utc: str = column("When the participant was created", unit=UTC)
@@ -103,9 +106,9 @@ class TrialRow:
     """One trial: three pickups and dropoffs under one condition."""
 
     participant: str = column("Participant id")
-    condition: str = column("Condition id from the study file")
+    condition: str = column("Condition id from the study file", words=True)
     trial: int = column("Trial number, from 1", least=1)
-    layout: str = column("Name of the layout on the table")
+    layout: str = column("Name of the layout on the table", words=True)
     placement: str = column("JSON: object id at each slot of the layout, in slot order", json="array")
     parameters: str = column("JSON: every parameter of the arbiter in this trial", json="object")
     outcome: str = column("How the trial ended", levels=("completed", "aborted", "running"))
@@ -125,7 +128,7 @@ class TrialRow:
         "An experimenter's verdict, which counts instead; blank = none", levels=("good", "suspect"), default=None
     )
     quality_reason: str | None = column(
-        "Why the experimenter overrode the verdict, as written; blank = not done", default=None
+        "Why the experimenter overrode the verdict, as written; blank = not done", default=None, words=True
     )
     round_trip_ms: float | None = column(
         "95th percentile of the page's round trips in the trial; blank = not measured", unit="ms", default=None
@@ -143,15 +146,15 @@ class TaskRow:
     """One pickup or dropoff. A complete participant of the paper's study has 18."""
 
     participant: str = column("Participant id")
-    condition: str = column("Condition id from the study file")
+    condition: str = column("Condition id from the study file", words=True)
     trial: int = column("Trial number, from 1", least=1)
     task: int = column("Task number in the trial, from 1; odd = pickup", least=1)
     kind: str = column("Kind of task", levels=KINDS)
-    goal: str = column("Id of the instructed object (pickup) or bin (dropoff): the ground truth")
-    object: str = column("Id of the object of this pick-and-place cycle")
+    goal: str = column("Id of the instructed object (pickup) or bin (dropoff): the ground truth", words=True)
+    object: str = column("Id of the object of this pick-and-place cycle", words=True)
     goals: int = column("Number of candidate goals at the start of the task", least=1)
     outcome: str = column("Outcome; not_run = the dropoff after a failed pickup", levels=OUTCOMES)
-    reason: str | None = column("Why it failed or was not run; blank after a success")
+    reason: str | None = column("Why it failed or was not run; blank after a success", words=True)
     first_tick: int | None = column("First tick of the task; blank if not run", unit="tick of the trial", least=0)
     last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial", least=0)
 
@@ -171,7 +174,7 @@ class TickRow:
     """One decision, a tick long. p and m are the state x at its start, belief and entropy are after its update."""
 
     participant: str = column("Participant id")
-    condition: str = column("Condition id from the study file")
+    condition: str = column("Condition id from the study file", words=True)
     trial: int = column("Trial number, from 1", least=1)
     task: int | None = column("Task number in the trial, from 1; blank while the arm resets", least=1)
     kind: str | None = column("Kind of task; blank while the arm resets", levels=KINDS)
@@ -180,7 +183,8 @@ class TickRow:
     trial_s: float = column("Trial time at the start of the tick; stands still while paused", unit="s", least=0)
     goal: str | None = column(
         "Instructed goal (object or bin id); blank while the arm resets. It is no candidate, and so not in `belief`, "
-        "while a pickup's object is held and not yet lifted, and after a dropoff's object was let go"
+        "while a pickup's object is held and not yet lifted, and after a dropoff's object was let go",
+        words=True,
     )
     p_x: float = column("Gripper position at the start of the tick, world frame", unit="m")
     p_y: float = column("Gripper position at the start of the tick, world frame", unit="m")
@@ -202,10 +206,10 @@ class TickRow:
         levels=SOURCES,
     )
     blocked: int = column("1 = the motion asked for was refused", unit=YES_NO)
-    blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not")
+    blocked_reason: str | None = column("Why motion was refused or limited; blank = it was not", words=True)
     gripper_input: str | None = column("Gripper button pressed for this tick", levels=("open", "close"))
     gripper: str = column("Gripper at the end of the tick", levels=("open", "closed", "moving"))
-    held: str | None = column("Object id held at the end of the tick; blank = none")
+    held: str | None = column("Object id held at the end of the tick; blank = none", words=True)
     after_pause: int = column("1 = first tick after a pause or a lost connection", unit=YES_NO)
     goals: str = column(
         "JSON: candidate goal id to its position [x, y, z] at the start of the tick",
@@ -234,19 +238,22 @@ class AlertRow:
     """One stimulus of the second task: a sensor reading, or that of another kind of distractor."""
 
     participant: str = column("Participant id")
-    condition: str = column("Condition id from the study file")
+    condition: str = column("Condition id from the study file", words=True)
     trial: int = column("Trial number, from 1", least=1)
     alert: int = column("Alert number in the trial, from 1", least=1)
     placement: str = column("Where it was shown", levels=("second_device", "same_page_away"))
     reading: str = column(
-        "What was shown: the reading to be logged, or the stimulus of another kind, such as the letter of N-back"
+        "What was shown: the reading to be logged, or the stimulus of another kind, such as the letter of N-back",
+        words=True,
     )
     due_trial_s: float = column("Trial time at which the alert was raised", unit="s")
     shown_utc: str | None = column("When the page reported it visible; blank = never reported", unit=UTC)
     heard_utc: str | None = column("When the page reported the sound played; blank = never", unit=UTC)
     answered_utc: str | None = column("When the answer reached the lab; blank = no answer", unit=UTC)
     answered_trial_s: float | None = column("Trial time of the answer; blank = no answer", unit="s")
-    answer: str | None = column("What was typed, or the id of the choice taken, such as `same`; blank = no answer")
+    answer: str | None = column(
+        "What was typed, or the id of the choice taken, such as `same`; blank = no answer", words=True
+    )
     correct: int | None = column(
         "1 = right: the typed value equals the reading, or as the kind of distractor judges; blank = no answer",
         unit=YES_NO,
@@ -259,16 +266,19 @@ class SurveyAnswerRow:
     """One answer to one item, as given. Scoring is done in the analysis."""
 
     participant: str = column("Participant id")
-    condition: str | None = column("Condition the answer is about; blank = the whole session")
+    condition: str | None = column("Condition the answer is about; blank = the whole session", words=True)
     trial: int | None = column("Trial the answer is about; blank = the whole session")
-    instrument: str = column("Questionnaire id (also demographics and comprehension)")
-    item: str = column("Item id in the questionnaire")
-    value: str = column("Answer as given: a scale point, the id of an option, a number, or text as it was typed")
+    instrument: str = column("Questionnaire id (also demographics and comprehension)", words=True)
+    item: str = column("Item id in the questionnaire", words=True)
+    value: str = column(
+        "Answer as given: a scale point, the id of an option, a number, or text as it was typed", words=True
+    )
     answered_utc: str = column("When the answer reached the lab", unit=UTC)
     typed: str | None = column(
         "What was typed, character by character, where `value` is the number read from it, such as `3,5` for 3.5; "
         "blank = `value` is what was given",
         default=None,
+        words=True,
     )
 
 
@@ -346,6 +356,7 @@ class ColumnInfo:
     json: str | None
     least: int | None
     most: int | None
+    words: bool
 
 
 def columns(table: str) -> tuple[ColumnInfo, ...]:

@@ -18,6 +18,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
+from study.export.csv_words import HOW_TO_READ
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, UTC, YES_NO, ColumnInfo, columns
 
 DESCRIPTOR_NAME = "datapackage.json"
@@ -53,6 +54,11 @@ def table_schema(table: str) -> dict[str, Any]:
     return schema
 
 
+def described(info: ColumnInfo) -> str:
+    """What a column says, and how its CSV is read."""
+    return f"{info.description}. {HOW_TO_READ}" if info.words else info.description
+
+
 def _field(info: ColumnInfo) -> dict[str, Any]:
     kind = _FRICTIONLESS_TYPES[info.type]
     if info.unit == UTC:
@@ -70,7 +76,7 @@ def _field(info: ColumnInfo) -> dict[str, Any]:
         limits["minimum"] = info.least
     if info.most is not None:
         limits["maximum"] = info.most
-    field = {"name": info.name, "type": kind, "description": info.description}
+    field = {"name": info.name, "type": kind, "description": described(info)}
     if info.unit:
         field["unit"] = info.unit
     return {**field, "constraints": limits} if limits else field

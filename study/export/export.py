@@ -28,7 +28,8 @@ from typing import TYPE_CHECKING, Any
 
 from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
-from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, file_names, write_descriptor
+from study.export.csv_words import cell_of, text_of
+from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
 
 if TYPE_CHECKING:  # simulated studies are exported too, and need no database
@@ -36,6 +37,8 @@ if TYPE_CHECKING:  # simulated studies are exported too, and need no database
 
 META_NAME = "meta.json"
 FORMAT = "shared-autonomy-lab export"
+WORDS = "json where quoted"
+"""How words stand in the CSV (`study.export.csv_words`); exports that do not say so have them bare."""
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 """A fixed time in the archive: equal data give equal bytes."""
 
@@ -46,6 +49,7 @@ def _text(value: object) -> str:
 
 
 _WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
+_AS_IT_IS: Mapping[str, Any] = {**_WRITERS, "str": str}
 _BATCH_ROWS = 20_000
 """Rows that are written at a time, column by column: the groups of rows in the Parquet files."""
 _PARSERS: Mapping[str, Any] = {"int": int, "float": float, "str": str}
@@ -131,7 +135,7 @@ def read_table(in_dir: Path | str, table: str) -> list[Any]:
     known = columns(table)
     later = {item.name for item in fields(TABLES[table]) if item.default is not MISSING}
     folder = Path(in_dir)
-    read_meta(folder)
+    quoted = read_meta(folder).get("words") == WORDS
     path = folder / f"{table}.csv"
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -142,7 +146,7 @@ def read_table(in_dir: Path | str, table: str) -> list[Any]:
             if missing:
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             row_type = TABLES[table]
-            cells = [(info.name, header.index(info.name), _reader(info)) for info in infos]
+            cells = [(info.name, header.index(info.name), _reader(info, quoted)) for info in infos]
             rows = []
             for line in reader:
                 try:
@@ -237,7 +241,7 @@ def _write(
     studies: Mapping[str, str],
     meta: Mapping[str, Any],
 ) -> dict[str, int]:
-    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION}
+    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": WORDS}
     # First of all, so that an export that is interrupted can be recognised and done again.
     _put(folder, META_NAME, json.dumps({**head, "complete": False}) + "\n")
     counts = {table: _write_table(folder, table, tables.get(table, ())) for table in TABLES}
@@ -268,7 +272,8 @@ def _put(folder: Path, name: str, text: str) -> None:
 def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
     """Write the rows as CSV and Parquet while they stream by; how many there were."""
     row_type = TABLES[table]
-    names, casts = [info.name for info in columns(table)], [_WRITERS[info.type] for info in columns(table)]
+    infos = columns(table)
+    names, casts = [info.name for info in infos], [(_AS_IT_IS if info.words else _WRITERS)[info.type] for info in infos]
     fields, stream, count = attrgetter(*names), iter(rows), 0
     with (
         (folder / f"{table}.csv").open("w", encoding="utf-8", newline="") as file,
@@ -285,10 +290,15 @@ def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
                 [None if value is None else cast(value) for value in column]
                 for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)
             ]
-            lines.writerows(zip(*cells, strict=True))
+            shown = [_words(column) if info.words else column for info, column in zip(infos, cells, strict=True)]
+            lines.writerows(zip(*shown, strict=True))
             parquet.add(cells)
             count += len(batch)
     return count
+
+
+def _words(column: list[Any]) -> list[str | None]:
+    return [None if text is None else cell_of(text) for text in column]
 
 
 def _codebook_lines() -> Iterator[tuple[str, ...]]:
@@ -301,13 +311,13 @@ def _codebook_lines() -> Iterator[tuple[str, ...]]:
             "yes" if info.optional else "no",
             info.unit or "",
             "|".join(info.levels),
-            info.description,
+            described(info),
         )
 
 
-def _reader(info: ColumnInfo) -> Callable[[str], Any]:
-    """What turns a cell of this column into its value; blank is None where it may be."""
-    parse: Callable[[str], Any] = _PARSERS[info.type]
+def _reader(info: ColumnInfo, quoted: bool = True) -> Callable[[str], Any]:
+    """What turns a cell of this column into its value; blank is None where it may be. `quoted`: words may be JSON."""
+    parse: Callable[[str], Any] = text_of if info.words and quoted else _PARSERS[info.type]
     return (lambda cell: None if cell == "" else parse(cell)) if info.optional else parse
 
 
