@@ -78,14 +78,31 @@ def bot(
         str | None, typer.Option(metavar="URL", help="the second device's link, if the study uses one")
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress")] = False,
+    clumsy: Annotated[
+        bool, typer.Option("--clumsy", help="drive into things, slip and press at random, and tell what must not be")
+    ] = False,
+    seed: Annotated[int, number("of what a clumsy one does")] = 7,
 ) -> None:
     """Complete a whole study over a participant's link.
 
-    The participant must be in lockstep: `salab serve --pace lockstep`.
+    The participant must be in lockstep: `salab serve --pace lockstep`. A clumsy bot exits with status 1 when it found
+    something that must not be, such as an arm that does not come free.
     """
     import asyncio
 
     from app.simulated.bot import run_bot
 
-    report = asyncio.run(run_bot(url, panel_url=panel_url, say=None if quiet else print, flow=flow_of(context)))
+    report = asyncio.run(
+        run_bot(
+            url,
+            panel_url=panel_url,
+            say=None if quiet else print,
+            flow=flow_of(context),
+            clumsy_seed=seed if clumsy else None,
+        )
+    )
     print(f"done: {report.ticks} ticks, {report.alerts} alerts answered, {report.surveys} surveys")
+    for finding in report.findings:
+        print(finding)
+    if report.findings:
+        raise typer.Exit(1)

@@ -16,11 +16,13 @@ from typing import Any
 from urllib.parse import urljoin, urlsplit
 
 import httpx
+import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from app.errors import LabError
 from app.simulated.answers import PlainPerson
+from app.simulated.clumsy import Clumsy, Finding
 from app.simulated.pilot import Pilot, Sight
 from app.trial.values import UserInput
 from app.wire import (
@@ -68,6 +70,8 @@ class BotReport:
     alerts: int = 0
     surveys: int = 0
     pages: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    """What must not be; only a clumsy bot looks for it."""
 
 
 @dataclass(frozen=True)
@@ -216,8 +220,14 @@ class Bot:
     """One scripted participant over one wire. `say` gets a line for every page."""
 
     def __init__(
-        self, wire: Wire, say: Callable[[str], None] | None, panel: PanelBot | None = None, flow: Flow = FLOW
+        self,
+        wire: Wire,
+        say: Callable[[str], None] | None,
+        panel: PanelBot | None = None,
+        flow: Flow = FLOW,
+        clumsy_seed: int | None = None,
     ) -> None:
+        """With `clumsy_seed`, it drives as `app.simulated.clumsy` does and looks for what must not be."""
         self.report = BotReport()
         self._flow = flow
         self._person = PlainPerson()
@@ -225,6 +235,10 @@ class Bot:
         self._say = say or (lambda line: None)
         self._panel = panel
         self._pilot = Pilot()
+        self._clumsy_seed = clumsy_seed
+        self._clumsy: Clumsy | None = None
+        self._last_tick = -1
+        self._was: World | None = None
         self._world: World | None = None
         self._instruction: Instruction | None = None
         self._page: Page | None = None
@@ -279,6 +293,9 @@ class Bot:
         self._say(page.state + (f" (trial {page.trial} of {page.trials})" if page.trial else ""))
         self._ready = self._resumed = False
         self._phase_ticks = 0
+        if self._clumsy_seed is not None and page.state.endswith("_ready"):
+            drive = (self._clumsy_seed, page.trial or 0, page.state == "trial_ready")
+            self._clumsy, self._last_tick = Clumsy(np.random.default_rng([int(part) for part in drive])), -1
         if not self._waits(page):
             await self._answer_page()
         if page.state == "survey":
@@ -314,6 +331,8 @@ class Bot:
         self._phase_ticks += 1
         if self._phase_ticks > MAX_PHASE_TICKS:
             raise BotError(f"gave up after {MAX_PHASE_TICKS} ticks in one trial, at: {tick.instruction.text}")
+        if self._clumsy is not None:
+            self._check(tick)
         if self._panel is not None:
             self.report.alerts += await self._panel.catch_up()
         if tick.status != "finished":
@@ -326,10 +345,31 @@ class Bot:
         if not resetting and world is not None and task is not None and task.object in world.objects_m:
             release_m = world.bins_m[task.bin] if task.bin else self._release(world, task)
             sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
-            act = self._pilot.act(task.object, sight)
+            act = (self._clumsy or self._pilot).act(task.object, sight)
+        self._was = world
         self._seq += 1
         given = {"seq": self._seq, "client_ms": 0.0, "direction": act.direction, "gripper": act.gripper}
         await self._wire.send(Input.model_validate(given))
+
+    def _check(self, tick: Tick) -> None:
+        """What a tick says must agree with the last one, with what was sent and with the world that came with it."""
+        world, was, found = self._world, self._was, self.report.findings
+        wrong = {
+            "unacknowledged": tick.seq != self._seq,
+            "tick lost": tick.tick != self._last_tick + 1 and self._last_tick >= 0,
+            "hint without blocked, or blocked without hint": tick.blocked != (tick.hint is not None),
+            "more tasks than there are": not 0 <= tick.done_tasks <= tick.tasks,
+        }
+        if world is not None:
+            wrong["gripper told in two ways"] = tick.gripper != world.gripper
+            wrong["holding told in two ways"] = tick.holding != (world.held is not None)
+        found += [Finding(kind, tick.tick, f"{tick!r}") for kind, is_so in wrong.items() if is_so]
+        self._last_tick = tick.tick
+        if self._clumsy is not None and world is not None:
+            running = tick.status == "running" and tick.notice is None and was is not None and was.gripper != "moving"
+            self._clumsy.told(tick.blocked, running, world.position_m)
+            found += self._clumsy.findings
+            self._clumsy.findings.clear()
 
     @staticmethod
     def _release(world: World, task: Instruction) -> tuple[float, float, float] | None:
@@ -361,7 +401,11 @@ class Bot:
 
 
 async def run_bot(
-    url: str, panel_url: str | None = None, say: Callable[[str], None] | None = None, flow: Flow = FLOW
+    url: str,
+    panel_url: str | None = None,
+    say: Callable[[str], None] | None = None,
+    flow: Flow = FLOW,
+    clumsy_seed: int | None = None,
 ) -> BotReport:
     """Complete a study over a participant's link. Raises `BotError` when the lab refuses something."""
     async with contextlib.AsyncExitStack() as stack:
@@ -371,4 +415,4 @@ async def run_bot(
                 await stack.enter_async_context(open_wire(await enter(panel_url), "bot-panel", telemetry=True))
             )
         wire = await stack.enter_async_context(open_wire(await enter(url), "bot", telemetry=True, flow=flow))
-        return await Bot(wire, say, panel, flow).run()
+        return await Bot(wire, say, panel, flow, clumsy_seed).run()

@@ -11,12 +11,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from app.__main__ import main
 from app.simulated.bot import Bot, BotReport, PanelBot, Wire, enter, open_wire
-from app.wire import Ack, Error, Input, Message, Page, Status, Submit
+from app.simulated.clumsy import Finding
+from app.wire import Ack, Error, Input, Instruction, Message, Page, Status, Submit, Tick, World
 from study.flow.answers import validate_surveys
 from study.flow.facts import as_read
 from study.records import TABLES, columns
@@ -352,6 +354,55 @@ def test_the_command_line_bot_completes_the_short_study(
     assert printed.splitlines()[-1].startswith("done: ")
     assert main(["bot", "--url", made["link"], "--quiet"]) == 0  # a finished study has nothing left to do
     assert capsys.readouterr().out == "done: 0 ticks, 0 alerts answered, 0 surveys\n"
+
+
+def test_a_clumsy_bot_comes_to_the_end_and_finds_nothing(
+    quick_lab: LabServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = invite(quick_lab)
+    assert main(["bot", "--url", made["link"], "--clumsy", "--seed", "3"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("done: ")
+
+
+def test_what_a_clumsy_bot_finds_is_told_and_is_its_exit_status(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def found(url: str, **options: object) -> BotReport:
+        assert options["clumsy_seed"] == 5
+        return BotReport(ticks=9, findings=[Finding("jam", 4, "(0, 0, 1) moved the arm 0.1 mm in two ticks")])
+
+    monkeypatch.setattr("app.simulated.bot.run_bot", found)
+    assert main(["bot", "--url", "http://127.0.0.1:9/p/x", "--quiet", "--clumsy", "--seed", "5"]) == 1
+    assert "jam at tick 4: (0, 0, 1) moved the arm 0.1 mm in two ticks" in capsys.readouterr().out
+
+
+async def test_a_clumsy_bot_finds_what_a_tick_says_in_two_ways() -> None:
+    task = Instruction(text="Pick up.", kind="pickup", object="a", object_label="a", bin=None, bin_label=None)
+    told: dict[str, Any] = {"instruction": task, "done_tasks": 0, "tasks": 6, "holding": False}
+    world = World(
+        position_m=(0.7, 0.0, 0.9),
+        held=None,
+        gripper="open",
+        objects_m={"a": (0.8, 0.0, 0.85)},
+        bins_m={"b": (0.5, 0.5, 0.9)},
+    )
+    wire = ScriptedWire(
+        Page(state="practice_ready", trial=1, trials=3, content={}),
+        Page(state="practice", trial=1, trials=3, content={}),
+        world,
+        Status(status="running"),
+        Tick(tick=0, seq=1, status="running", gripper="open", blocked=False, **told),
+        world,
+        Tick(tick=2, seq=1, status="running", gripper="closed", blocked=True, **told),
+        Page(state="done", trial=None, trials=3, content={}),
+    )
+    report = await Bot(wire, None, clumsy_seed=1).run()
+    assert {finding.kind for finding in report.findings} == {
+        "tick lost",
+        "unacknowledged",
+        "gripper told in two ways",
+        "hint without blocked, or blocked without hint",
+    }
 
 
 LOOKS_LIKE = "is no link; one looks like http://127.0.0.1:8000/p/TOKEN"
