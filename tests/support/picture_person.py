@@ -19,7 +19,7 @@ from sim.interface import Vector3
 from sim.views import DEFAULT_VIEW, INSET, VIEWS, CameraView
 
 OVERVIEW_PX = (930, 664)
-INSET_PX = (304, 206)
+INSET_PX = (304, 200)
 """Of the driving page in a window of 1280 by 720, the smallest in which everything is seen at once."""
 NOISE_PX = 2.0
 """Standard deviation of where a point seems to be, right and up, anew every tick."""
