@@ -171,7 +171,7 @@ def refuse(client: Client, code: str, field: str | None, text: str, identifier: 
 
 
 def panel_page(session: Session) -> Page:
-    """The second device's page: `trial` while alerts may come, `paused`, `waiting`, or how the session ended."""
-    live = session.state if session.place == "trial" else "waiting"
+    """The second device's page: `practice` or `trial` while alerts may come, `paused`, `waiting`, or the end."""
+    live = session.state if session.place in ("practice", "trial") else "waiting"
     state = session.state if session.is_over else live
     return Page(state=state, trial=None, trials=session.trials, content={})

@@ -63,6 +63,8 @@ class SessionContext:
     def alert_rows(self, numbers: Iterable[int]) -> tuple[AlertRow, ...]:
         """The rows of these alerts of the trial as they stand."""
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.running.distractor
+        if distractor.practice:
+            return ()  # a practice's readings stand in no table
         condition = self.enrolment.plan.trial(trial).condition
         found = [distractor.alert(number) for number in dict.fromkeys(numbers)]
         return tuple(distractor.row(alert, participant, condition, trial) for alert in found if alert)
@@ -114,13 +116,14 @@ class SessionContext:
         return self.services.config.scene and self.enrolment.pace == "real_time"
 
     def lacks_panel(self) -> bool:
-        """Whether a trial is next and its alerts would appear on a second device that nobody has opened."""
+        """Whether a practice or a trial is next, its alerts on a second device that nobody has opened."""
         on_panel = self.services.study.distractor.on_second_device
-        return self.session.place == "trial_ready" and on_panel and self.connections.panel is None
+        is_next = self.session.place in ("practice_ready", "trial_ready")
+        return is_next and on_panel and self.connections.panel is None
 
     def is_away(self) -> bool:
         """Whether an alert keeps the hands off the pad."""
-        if self.session.place != "trial":
+        if self.session.place not in ("practice", "trial"):
             return False
         paced = self.enrolment.pace == "real_time" and self.session.is_ticking and not self.link.held
         return self.running.is_away(self.services.now_unix_s(), paced)

@@ -27,7 +27,7 @@ FAILURES: Mapping[str, str] = {
     "wrong_bin": "The {object} went into the other bin.",
     "left_on_table": "The {object} came down on the table, not in the bin.",
     "outside_bin": "The {object} landed outside the bin.",
-    "not_moved": "The {object} was put down too close to where it stood. Please try once more.",
+    "not_moved": "The {object} was put down too close to where it stood.",
 }
 
 
@@ -44,13 +44,15 @@ def instruction(view: TrialView, labels: Labels, practice: bool) -> Instruction:
         text, kind = "The arm goes back to its start. Please wait.", "reset"
     elif practice and view.kind == "pickup":
         text, kind = f"Practice: pick up the {object_label}.", "practice"
-    elif practice:
+    elif practice and view.bin is None:
         text, kind = f"Practice: move the {object_label} to another place on the table and let go.", "practice"
+    elif practice:
+        text, kind = f"Practice: drop the {object_label} into the {bin_label}.", "dropoff"
     elif view.kind == "pickup":
         text, kind = f"Pick up the {object_label}.", "pickup"
     else:
         text, kind = f"Drop the {object_label} into the {bin_label}.", "dropoff"
-    shows_bin = view.kind == "dropoff" and kind != "reset"
+    shows_bin = kind == "dropoff"
     return Instruction.model_validate(
         {
             "text": text,
@@ -63,14 +65,16 @@ def instruction(view: TrialView, labels: Labels, practice: bool) -> Instruction:
     )
 
 
-def notice(ended: Verdict | None, before: Instruction | None, labels: Labels) -> str | None:
-    """One line about the task that just ended; `before` is the instruction that was shown during it."""
+def notice(ended: Verdict | None, before: Instruction | None, labels: Labels, again: bool = False) -> str | None:
+    """One line about the task that just ended. `before` is the instruction that was shown during it; `again`: this was
+    a practice, and it is repeated."""
     if ended is None or before is None or before.object is None:
         return None
     if ended.outcome == "success":
         done = {"dropoff": f"Well done: the {before.object_label} is in the bin.", "practice": "Well done."}
         return done.get(before.kind)
-    return FAILURES[ended.reason or ""].format(object=labels.objects[before.object])
+    said = FAILURES[ended.reason or ""].format(object=labels.objects[before.object])
+    return f"{said} Please try once more." if again else said
 
 
 def tick_message(
@@ -79,7 +83,7 @@ def tick_message(
     """What the participant's page learns of a tick."""
     view = result.view
     slipped = next((event.data["object"] for event in result.events if event.kind == "slipped"), None)
-    told = notice(view.ended, before, labels)
+    told = notice(view.ended, before, labels, again=practice and not result.finished)
     if told is None and slipped is not None:
         told = SLIPPED.format(object=labels.objects[slipped])
     status = {"operating": "running", "gripper": "gripper", "settling": "gripper", "reset": "resetting"}

@@ -25,6 +25,7 @@ from app.worker.messages import (
     Ticked,
     WorkerReport,
 )
+from study.flow.distractors.state import DistractorState, stimuli_of
 from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
 from study.records import StudyError, TrialRow, utc_text
@@ -114,6 +115,9 @@ class Transitions:
         link = self._context.link
         for effect in effects:
             if isinstance(effect, StartWorker):
+                if effect.kind == "practice":
+                    distractor = self._context.services.distractor
+                    self._context.running.distractor = DistractorState(distractor, practice=True)
                 await link.start(effect.kind, effect.trial)
             elif isinstance(effect, StopWorker):
                 await self._context.forget_running_trial()
@@ -242,12 +246,8 @@ class Transitions:
         noticed = tuple(context.noticed)
         seed, trial, distractor = context.enrolment.plan.seed, context.session.trial, context.services.distractor
         try:
-            changed = (
-                ()
-                if practice
-                else running.advance_distractor(
-                    lambda number: distractor.stimulus(seed, trial, number), result.finished
-                )
+            changed = running.advance_distractor(
+                lambda number: distractor.stimulus(seed, stimuli_of(trial, practice), number), result.finished
             )
         except StudyError as error:  # its schedule cannot be
             raise PartFault(f"distractor {distractor.settings.kind!r}", str(error)) from error

@@ -25,7 +25,7 @@ from app.trial.setup import StudySetup
 from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session
-from study.flow.distractors.state import DistractorState
+from study.flow.distractors.state import DistractorState, stimuli_of
 from study.flow.flow import FLOW, Flow
 from study.flow.page import FlowPage, PageContext, StepContext
 from study.flow.protocol import Event, Session
@@ -279,7 +279,7 @@ class _Sitting:
             stream(run.case.seed, self.kind, trial),
             self.trial_setup.timing.speed_m_s * TICK_S,
         )
-        self.distractor = DistractorState(setup.distractor)
+        self.distractor = DistractorState(setup.distractor, practice=self.kind == "practice")
         self.errands: dict[int, _Errand] = {}
 
     def run(self) -> None:
@@ -314,14 +314,13 @@ class _Sitting:
         for item in result.events:
             run.event(item.kind, "robot", item.data)
         self._judge(result, sight, engine.world.position_world_gripper_m)
-        if self.kind == "trial":
-            self._raise_alerts(tick + 1)
+        self._raise_alerts(tick + 1)
 
     # ---- the distractor -----------------------------------------------------------------------------------------
 
     def _raise_alerts(self, tick: int) -> None:
         """New alerts, and what this person will do about them."""
-        run, seed, trial = self.run_, self.plan.seed, self.plan.trial
+        run, seed, trial = self.run_, self.plan.seed, self._stimuli
         kind = self.distractor.distractor
         self.distractor, changed = self.distractor.advance(
             tick * TICK_S, lambda number: kind.stimulus(seed, trial, number)
@@ -331,9 +330,14 @@ class _Sitting:
                 self.distractor = self.distractor.shown(alert.alert, run.utc).heard(alert.alert, run.utc)
                 self.errands[alert.alert] = self._plan_errand(alert.alert, tick)
 
+    @property
+    def _stimuli(self) -> int:
+        """What the stimuli, and what this person makes of them, are drawn with."""
+        return stimuli_of(self.plan.trial, self.kind == "practice")
+
     def _plan_errand(self, number: int, tick: int) -> _Errand:
         traits = self.run_.traits
-        rng = stream(self.run_.case.seed, "alerts", self.plan.trial, number)
+        rng = stream(self.run_.case.seed, "alerts", self._stimuli, number)
         reaction_s, away_s, return_s = (
             mean_s * math.exp(0.2 * rng.standard_normal() - 0.02)
             for mean_s in (traits.reaction_s, traits.away_s, traits.return_s)

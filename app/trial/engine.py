@@ -55,6 +55,9 @@ from sim.interface import (
 )
 from study.records import TaskRow, TickRow
 
+PRACTICE_TRIES = 3
+"""Practice is over after so many cycles, whatever came of them."""
+
 _STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
 _NO_DIRECTION: tuple[int | None, int | None, int | None] = (None, None, None)
 
@@ -457,7 +460,9 @@ class TrialEngine:
         if progress.kind == "dropoff" and not practice and verdict.reason != "left_on_table":
             # What stands in the way on the table is taken away; the rest stays in sight.
             self._delivered[progress.cycle_setup.object] = world.object(progress.cycle_setup.object).pose
-        practice_done = practice and progress.kind == "dropoff" and verdict.outcome == "success"
+        # Practice is there to be learned from, not to be stuck in: after so many tries it is over as well.
+        succeeded = progress.kind == "dropoff" and verdict.outcome == "success"
+        practice_done = practice and (succeeded or progress.cycle >= PRACTICE_TRIES)
         if practice and not practice_done:
             events.append(EngineEvent("practice_repeated", {"reason": verdict.reason}))
         if progress.is_last_cycle or practice_done:

@@ -93,7 +93,9 @@ class StudySetup:
         drawn, settings = plan.trial(trial), self.study.robot
         cycles: tuple[CycleSetup, ...]
         if kind == "practice":
-            cycles = (CycleSetup(practice_scene(self.layout), self.layout.practice_object.id, None),)
+            # Sideways, and into a bin, as in a trial; the bins take turns.
+            into = self.study.bins[(trial - 1) % len(self.study.bins)]
+            cycles = (CycleSetup(practice_scene(self.layout), self.layout.practice_object.id, into),)
         else:
             done: set[str] = set()
             made = []

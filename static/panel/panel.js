@@ -182,7 +182,7 @@ socket.addEventListener("page", (event) => {
   if (ended) reopen();
   alert.pause(state === "paused");
   alert.conceal(state === "paused");
-  if (state !== "trial" && state !== "paused") alert.clear();
+  if (!["practice", "trial", "paused"].includes(state)) alert.clear();
   setText(waitText, state === "paused" ? "The round is paused." : words.next);
   refresh();
 });

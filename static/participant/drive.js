@@ -239,11 +239,11 @@ export class DriveView {
     const practice = state === "practice_ready";
     const title = practice ? "Practice first" : `Round ${trial} of ${trials}`;
     const text = practice
-      ? "Pick up the block, move it and put it down again. Take your time; this part does not count."
+      ? wordsFor(this.socket.welcome).practice
       : "The robot is in place. When you press Start, the round begins.";
     this.panel?.close();
     // The readings of a round appear on the second device: nobody starts while it is missing.
-    this.panel = practice || this.socket.welcome?.placement !== "second_device" ? null : this._secondDevice();
+    this.panel = this.socket.welcome?.placement === "second_device" ? this._secondDevice() : null;
     this.start = stepButton({
       socket: this.socket,
       step: "start",
@@ -376,18 +376,14 @@ export class DriveView {
     const state = this._state();
     this.sign.show(state);
     if (this.start) {
-      const unseen = !this.scene.watch.there;
       const alone = this.panel !== null && !this.panel.there();
-      const wait = state !== "ready" || unseen || alone;
+      const why =
+        (state !== "ready" && "The robot is not in place yet.") ||
+        (!this.scene.watch.there && "Its picture is not there yet.") ||
+        (alone && "The second device is not there yet.");
+      const wait = why !== false;
       this.start.disabled = wait;
-      this.start.title =
-        state !== "ready"
-          ? "The robot is not in place yet."
-          : unseen
-            ? "Its picture is not there yet."
-            : alone
-              ? "The second device is not there yet."
-              : "";
+      this.start.title = why || "";
       if (!wait && !this.overlay.hidden && document.activeElement === document.body)
         this.start.focus({ preventScroll: true });
     }

@@ -13,11 +13,25 @@
  * @property {string} late when the time is up
  * @property {string} handled after a reload: it was dealt with
  * @property {string} handsOff while it covers the view
+ * @property {string} practice what there is to be practised
  * @property {string} missed on the participant's page, when the time was up
  * @property {{ device: string, title: string, purpose: string, waiting: string, next: string, answered: string,
  *   missed: string, elsewhere: string, over: string }} panel the second device
  * @property {{ loud: string, watch: string, second: string }} setup
  */
+
+/**
+ * @param {string} meanwhile what else there is to do
+ * @returns {string}
+ */
+function practiceWords(meanwhile) {
+  const lines = [
+    "Move the block into the bin that the page names.",
+    meanwhile,
+    "Take your time; this part does not count.",
+  ];
+  return lines.filter(Boolean).join(" ");
+}
 
 /** @type {Words} */
 const READINGS = {
@@ -31,6 +45,7 @@ const READINGS = {
   handled: "This reading is logged.",
   handsOff: "Take your hands off the robot's controls. They come back after you have logged the reading.",
   missed: "Time ran out for that reading.",
+  practice: practiceWords("A reading comes meanwhile, as it will in the rounds."),
   panel: {
     device: "Sensor panel",
     title: "Sensor readings",
@@ -67,6 +82,7 @@ function wordsOf({ one, many }) {
     handled: `This ${one} is answered.`,
     handsOff: "Take your hands off the robot's controls. They come back after you have answered.",
     missed: `Time ran out for that ${one}.`,
+    practice: practiceWords(`The ${many} begin meanwhile, as they will in the rounds.`),
     panel: {
       device: "Second device",
       title: capital(many),
@@ -89,9 +105,10 @@ function wordsOf({ one, many }) {
 /**
  * The words of the study's second task.
  *
- * @param {{ stimuli?: StimulusWords | null } | null} welcome what the lab said first; null before it did
+ * @param {{ stimuli?: StimulusWords | null, placement?: string } | null} welcome what the lab said first; null before it did
  * @returns {Words}
  */
 export function wordsFor(welcome) {
+  if (welcome?.placement === "none") return { ...READINGS, practice: practiceWords("") };
   return welcome?.stimuli ? wordsOf(welcome.stimuli) : READINGS;
 }

@@ -159,7 +159,7 @@ class LayoutFile(Part):
 
     places_m: Annotated[tuple[PointXY, ...], Field(min_length=1, max_length=40)]
     """Where objects may stand on the table, x and y of each; any object on any of them."""
-    practice_place_m: PointXY = (0.82, 0.0)
+    practice_place_m: PointXY = (0.80, 0.20)
     """Where the practice object stands."""
     aisle_x_m: float = number(default=0.67, ge=0.0, le=2.0)
     """Where an object is carried sideways, in front of all that stands."""

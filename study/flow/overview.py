@@ -19,12 +19,14 @@ def expected_minutes(study: Study) -> float:
     robot, distractor = study.robot, study.distractor
     object_s = TRAVEL_M / robot.speed_m_s + TICK_S * (2 * robot.gripper_ticks + robot.reset_ticks)
     trial_s = study.pickups_per_trial * object_s
+    away_s = 0.0
     if distractor.enabled:
         away_s = distractor.away_min_s if distractor.placement == "same_page_away" else distractor.answer_within_s / 2
         trial_s /= max(0.1, 1.0 - away_s / distractor.every_s)
     questions = sum(len(form.items) for form in study.instruments)
     once = len(study.demographics) + len(study.instructions.questions) + 3 * len(study.texts.debrief_questions)
-    each_s = trial_s + BETWEEN_TRIALS_S + FORM_ITEM_S * questions + (object_s if study.practice else 0.0)
+    practice_s = object_s + away_s if study.practice else 0.0
+    each_s = trial_s + BETWEEN_TRIALS_S + FORM_ITEM_S * questions + practice_s
     return (FORMS_S + FORM_ITEM_S * once + len(study.conditions) * each_s) / 60.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from study.definition.sections import DistractorSettings
 from study.flow.distractors.interface import Stimulus
 from study.flow.distractors.readings import ReadingParameters, Readings
-from study.flow.distractors.state import DistractorState, from_rows
+from study.flow.distractors.state import DistractorState, from_rows, stimuli_of
 from study.records import StudyError
 
 UTC = "2026-01-01T00:00:00+00:00"
@@ -195,6 +196,29 @@ def test_a_second_device_never_locks_the_pad() -> None:
 
 def test_a_study_without_distractor_raises_nothing() -> None:
     assert at(start(enabled=False), 100.0).alerts == ()
+
+
+@pytest.mark.parametrize(("first_s", "due_s"), [(10.0, 10.0), (60.0, 10.0), (4.0, 4.0)])
+def test_a_practice_has_one_reading_early_enough_to_come_in_it(first_s: float, due_s: float) -> None:
+    state = replace(start(first_s=first_s), practice=True)
+    assert at(state, due_s - 0.5).alerts == ()
+    raised = at(state, due_s)
+    assert [alert.due_trial_s for alert in raised.alerts] == [due_s]
+    assert raised.locked(due_s)
+    answered, result = raised.answer(1, "101.5", due_s + 3.0, UTC)
+    assert result == "accepted"
+    assert answered.locked(due_s + 4.5) and not answered.locked(due_s + 5.0)
+    assert len(at(answered, 200.0).alerts) == 1
+    ignored = at(state, 200.0)
+    assert statuses(ignored) == ["expired"] and not ignored.locked(200.0)
+
+
+def test_what_a_practice_shows_is_not_what_its_trial_shows() -> None:
+    readings = Readings(ReadingParameters(), DistractorSettings())
+    shown = {
+        readings.stimulus(7, stimuli_of(trial, practice), 1).text for trial in (1, 2, 3) for practice in (True, False)
+    }
+    assert len(shown) == 6
 
 
 def test_the_state_comes_back_from_its_rows() -> None:

@@ -276,7 +276,7 @@ def test_the_end_of_a_task_is_said_once(assisted: dict[str, list[TickResult]]) -
     ]
 
 
-def test_practice_asks_for_another_place_instead_of_a_bin() -> None:
+def test_a_practice_without_a_bin_asks_for_another_place() -> None:
     sent = messages(drive(opened(practice_setup()), Person()), practice=True)
     assert list(dict.fromkeys(message.instruction.text for message in sent)) == [
         "Practice: pick up the practice block.",

@@ -59,7 +59,10 @@ def test_practice_has_one_object_of_its_own_under_the_trial_s_condition(trial: i
     setup = paper_study().trial_setup("p01", PLAN, trial, "practice")
     (cycle,) = setup.cycles
     assert [placed.spec for placed in cycle.scene.objects] == [PRACTICE_OBJECT]
-    assert (cycle.object, cycle.bin) == (PRACTICE_OBJECT.id, None)
+    assert (cycle.object, cycle.bin) == (PRACTICE_OBJECT.id, ("left_bin", "right_bin", "left_bin")[trial - 1])
+    assert abs(cycle.scene.objects[0].base_world_m[1] - cycle.scene.start_world_m[1]) > 0.1, (
+        "no sideways aim is asked for"
+    )
     assert (setup.kind, setup.condition) == ("practice", ORDER[trial - 1])
 
 

@@ -32,6 +32,16 @@ than an answer may have. `unreadable`: control characters are in it. `no_choice`
 them. `no_number`: a number is asked for. Only `accepted` changes anything."""
 
 
+PRACTICE_DUE_S = 10.0
+"""The alert of a practice comes at this trial time at the latest."""
+_PRACTICE_TRIALS = 1_000_000
+
+
+def stimuli_of(trial: int, practice: bool) -> int:
+    """The number that the stimuli of a trial, or of the practice before it, are drawn with: they are not the same."""
+    return trial + _PRACTICE_TRIALS if practice else trial
+
+
 @dataclass(frozen=True)
 class AlertState:
     """One stimulus, raised at `due_trial_s`. Times are as in `records.AlertRow`."""
@@ -56,6 +66,8 @@ class DistractorState:
     distractor: Distractor[Any]
     alerts: tuple[AlertState, ...] = ()
     is_over: bool = False
+    practice: bool = False
+    """Of a practice: one alert, early enough to come before the practice is over."""
 
     @property
     def settings(self) -> DistractorSettings:
@@ -64,7 +76,7 @@ class DistractorState:
 
     def due_s(self, alert: int) -> float:
         """Trial time at which an alert is raised. Raises `StudyError` when that is not after the one before."""
-        due_s = self.distractor.due_s(alert)
+        due_s = self.distractor.due_s(alert) - self._sooner_s
         before = self.alert(alert - 1)
         if before is not None and not due_s > before.due_trial_s:
             raise StudyError(
@@ -74,7 +86,12 @@ class DistractorState:
 
     def deadline_s(self, alert: int) -> float:
         """Trial time from which on an alert takes no answer."""
-        return min(self.distractor.deadline_s(alert), self.due_s(alert + 1))
+        return min(self.distractor.deadline_s(alert) - self._sooner_s, self.due_s(alert + 1))
+
+    @property
+    def _sooner_s(self) -> float:
+        """How much earlier than in a trial alerts come."""
+        return max(0.0, self.distractor.due_s(1) - PRACTICE_DUE_S) if self.practice else 0.0
 
     @property
     def open_alert(self) -> AlertState | None:
@@ -111,6 +128,8 @@ class DistractorState:
         if self.is_over or not self.settings.enabled:
             return math.inf
         waiting = self.open_alert
+        if self.practice and self.alerts and waiting is None:
+            return math.inf
         return self.deadline_s(waiting.alert) if waiting else self.due_s(len(self.alerts) + 1)
 
     def answer(self, number: int, value: str, trial_s: float, utc: str) -> tuple[DistractorState, AnswerResult]:
