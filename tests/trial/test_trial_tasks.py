@@ -368,3 +368,13 @@ def test_a_practice_object_that_is_lost_is_put_back() -> None:
     assert [event.kind for event in events_of(results)] == ["practice_repeated"]
     assert results[-1].row.task == 1
     assert len(robot.scenes) == 2 and robot.scenes[0] == robot.scenes[1]
+
+
+def test_a_practice_that_does_not_succeed_is_over_after_three_tries() -> None:
+    def knocked(robot: StagedRobot) -> None:
+        robot.put("practice_block", (0.8, 0.0, 0.75), tilt_rad=math.pi / 2)
+
+    engine = opened(practice_setup(), StagedRobot(dict.fromkeys(range(1, 200), knocked)))
+    results = run(engine, [HANDS_OFF] * 60)
+    assert engine.finished
+    assert [event.kind for event in events_of(results)] == ["practice_repeated"] * 2
