@@ -56,7 +56,9 @@ def in_trial(page: Page, lab: LabServer) -> Frame:
     go_on = page.get_by_test_id("resume-button")
     go_on.click(timeout=WITHIN_MS)
     page.locator("[data-testid=state-sign][data-state=running]").wait_for(timeout=WITHIN_MS)
-    return next(frame for frame in page.frames if "initialCameraNear" in frame.url)
+    inset = page.get_by_test_id("inset-frame").element_handle().content_frame()
+    assert inset is not None
+    return inset
 
 
 def test_the_inset_follows_the_gripper_and_its_loss_stops_nothing(page: Page, lab: LabServer) -> None:
@@ -68,8 +70,8 @@ def test_the_inset_follows_the_gripper_and_its_loss_stops_nothing(page: Page, la
     page.keyboard.down("KeyR")
     inset.wait_for_function(f"Math.abs({EYE}[2] - {start_m} - 0.05) < 0.03", timeout=WITHIN_MS)
     page.keyboard.up("KeyR")
-    main = next(frame for frame in page.frames if "/scene/" in frame.url and frame is not inset)
-    assert main.evaluate(EYE)[0] != pytest.approx(INSET.near_m)
+    main = page.get_by_test_id("scene-frame").element_handle().content_frame()
+    assert main is not None and main.evaluate(EYE)[0] != pytest.approx(INSET.near_m)
     inset.evaluate(LOSE)
     page.get_by_test_id("inset-sign").wait_for(timeout=WITHIN_MS)
     assert page.locator("[data-testid=state-sign][data-state=running]").is_visible()
