@@ -8,6 +8,7 @@ import { legendFor, UNKNOWN_KEY } from "./controls.js";
 import { hintText } from "./hint.js";
 import { indicator } from "./indicator.js";
 import { Inset } from "./inset.js";
+import { PassingNotice } from "./passing_notice.js";
 import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
 import { Progress } from "./progress.js";
@@ -36,7 +37,6 @@ import { view as pausedView } from "./views/paused.js";
 /** @typedef {PageOf<Driving & { can_resume: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
 const GRIPPER = { open: "Gripper open", closed: "Gripper closed", moving: "Gripper moving" };
-const NOTICE_MS = 7000;
 
 /** @implements {View} */
 export class DriveView {
@@ -66,7 +66,6 @@ export class DriveView {
     this._instruction = "";
     /** @type {Record<string, Look>} */
     this.looks = {};
-    this._noticeTimer = 0;
     this.sign = new StateSign();
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
     this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
@@ -96,7 +95,7 @@ export class DriveView {
       "Sound is off: turn it on",
     );
     this.soundButton.addEventListener("click", () => this.sound.unlock());
-    this.notice = h("div", { class: "notice", role: "status", hidden: true, data: { testid: "notice" } });
+    this.notice = new PassingNotice();
     this.overlay = h("div", { class: "overlay", hidden: true });
     this.region = h(
       "div",
@@ -108,7 +107,7 @@ export class DriveView {
       },
       this.scene.element,
       this.soundButton,
-      this.notice,
+      this.notice.element,
       this.hint,
       this.overlay,
     );
@@ -141,7 +140,7 @@ export class DriveView {
       this.alert.addEventListener("released", (event) => {
         this._refresh();
         this.region.focus({ preventScroll: true });
-        if (event.detail === "expired") this._say(wordsFor(this.socket.welcome).missed);
+        if (event.detail === "expired") this.notice.say(wordsFor(this.socket.welcome).missed);
       });
     }
     this.picture = new PictureReport({ socket, watch: this.scene.watch });
@@ -153,7 +152,7 @@ export class DriveView {
       socket.on("instruction", (event) => this._instruct(event.detail)),
       socket.on("state", () => this._refresh()),
       input.on("device", (event) => this._device(event.detail)),
-      input.keyboard.on("unknown", () => this._say(UNKNOWN_KEY)),
+      input.keyboard.on("unknown", () => this.notice.say(UNKNOWN_KEY)),
       input.keyboard.labels.on("labels", () => this._drawLegend()),
       input.on("view", () => this._driving() && this.scene.next()),
       sound.on("state", () => this._refresh()),
@@ -226,7 +225,7 @@ export class DriveView {
     this.scene.close();
     this.inset.close();
     this.hands.close();
-    clearTimeout(this._noticeTimer);
+    this.notice.hide();
   }
 
   /** @param {Driving} content */
@@ -282,7 +281,7 @@ export class DriveView {
     this._instruct(tick.instruction);
     this._drawProgress(tick.done_tasks, tick.tasks);
     setText(this.gripper, tick.holding ? "Gripper holding" : GRIPPER[tick.gripper]);
-    if (tick.notice) this._say(tick.notice);
+    if (tick.notice) this.notice.say(tick.notice);
     if (tick.slipped) this.sound.slipped();
     this._refresh();
   }
@@ -321,20 +320,10 @@ export class DriveView {
     this.progress.show(where, unknown || practice ? null : { done, tasks });
   }
 
-  /** @param {string} text */
-  _say(text) {
-    clearTimeout(this._noticeTimer);
-    this.notice.hidden = false;
-    this.notice.replaceChildren(icon("info"), h("p", {}, text));
-    this._noticeTimer = setTimeout(() => {
-      this.notice.hidden = true;
-    }, NOTICE_MS);
-  }
-
   /** @param {{ there: boolean, again: boolean }} pad */
   _device({ there, again }) {
     this._drawLegend();
-    this._say(
+    this.notice.say(
       there
         ? `The gamepad is ${again ? "back" : "here"}. You can use it ${again ? "again" : "now"}.`
         : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.",
@@ -395,7 +384,7 @@ export class DriveView {
     const blocked = state === "running" && this.tick?.blocked;
     setText(this.hintText, blocked ? hintText(this.tick?.hint) : "");
     this.hint.classList.toggle("shown", Boolean(blocked));
-    if (state === "lost" || state === "paused") this.notice.hidden = true;
+    if (state === "lost" || state === "paused") this.notice.hide();
     const assisting = this.tick?.assisting ?? null;
     this.assist.hidden = assisting === null;
     if (assisting !== null) setText(this.assist, assisting ? "The robot is assisting" : "You are driving");
