@@ -36,7 +36,7 @@ class OpenEnrolment:
     def person(self, given: Mapping[str, Sequence[str]]) -> str | None:
         """The id that says who it is; None when the link is not in order."""
         rules = self._lab.setup.study.recruitment
-        ids, wrong = read_ids(rules, given)
+        ids, wrong = read_ids(rules, given, self._lab.setup.study.words)
         return None if wrong else ids[rules.person]
 
     async def look(self, given: Mapping[str, Sequence[str]], token: str) -> Offer:
@@ -45,7 +45,7 @@ class OpenEnrolment:
         `token` is what this browser kept from an earlier visit under this id, "" if nothing.
         """
         rules = self._lab.setup.study.recruitment
-        ids, wrong = read_ids(rules, given)
+        ids, wrong = read_ids(rules, given, self._lab.setup.study.words)
         if wrong:
             return Offer("bad_link", wrong=wrong) if rules.open else Offer("closed")
         if token and await self._lab.holder(token) is not None:
@@ -58,7 +58,7 @@ class OpenEnrolment:
     async def join(self, given: Mapping[str, Sequence[str]], token: str) -> Offer:
         """Enrol a person, or let them back into their own session. As `look`, for somebody who pressed Begin."""
         rules = self._lab.setup.study.recruitment
-        ids, wrong = read_ids(rules, given)
+        ids, wrong = read_ids(rules, given, self._lab.setup.study.words)
         if wrong:
             return Offer("bad_link", wrong=wrong) if rules.open else Offer("closed")
         async with self._turn:

@@ -73,7 +73,8 @@ class Connections:
 
     def welcome(self, client: Client, last_seq: int) -> None:
         """The first message on a socket."""
-        distractor, words = self._services.study.distractor, self._services.distractor.words
+        distractor, named = self._services.study.distractor, self._services.distractor.words
+        words = self._services.study.words
         client.deliver(
             Welcome(
                 role=client.role,
@@ -83,7 +84,9 @@ class Connections:
                 tick_s=TICK_S,
                 heartbeat_ms=self._services.config.heartbeat_ms,
                 placement=distractor.placement if distractor.enabled else "none",
-                stimuli=None if distractor.kind == "readings" else StimulusWords(one=words.one, many=words.many),
+                stimuli=None
+                if distractor.kind == "readings"
+                else StimulusWords(one=words.t(named.one), many=words.t(named.many)),
                 show_assistance=self._services.study.show_assistance,
                 last_seq=last_seq,
                 demo=self._enrolment.demo,
@@ -132,7 +135,7 @@ class Connections:
             release_in_s = distractor.release_in_s(trial_s)
             self._tell(role, AlertClosed(alert=alert.alert, status=alert.status, release_in_s=release_in_s))
             return
-        client, stimulus = self._clients[role], alert.stimulus
+        client, stimulus, words = self._clients[role], alert.stimulus, self._services.study.words
         is_scripted = client is not None and client.telemetry and self._enrolment.pace == "lockstep"
         message = Alert(
             alert=alert.alert,
@@ -140,9 +143,11 @@ class Connections:
             elapsed_s=max(0.0, trial_s - alert.due_trial_s),
             answer_within_s=round(distractor.deadline_s(alert.alert) - alert.due_trial_s, 6),
             away_min_s=settings.away_min_s,
-            prompt=stimulus.prompt or None,
+            prompt=words.t(stimulus.prompt) if stimulus.prompt else None,
             entry=stimulus.entry,
-            choices=tuple(AlertChoice(**vars(choice)) for choice in stimulus.choices),
+            choices=tuple(
+                AlertChoice(id=choice.id, label=words.t(choice.label), key=choice.key) for choice in stimulus.choices
+            ),
             right_answer=distractor.right_answer(alert.alert) if is_scripted else None,
         )
         self._tell(role, message)

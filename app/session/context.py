@@ -133,15 +133,15 @@ class SessionContext:
     def page(self) -> Page:
         """The participant's page."""
         practice = self.session.place in ("practice_ready", "practice")
-        view = self.running.view
-        shown = pages.instruction(view, self.services.labels, practice) if view is not None else None
+        view, words = self.running.view, self.services.study.words
+        shown = pages.instruction(view, self.services.labels, practice, words) if view is not None else None
         context = PageContext(
             study=self.services.study,
             scene_path=f"/s/{self.enrolment.public_id}/scene/" if self.has_scene else "",
             panel_link=self.panel_link,
             instruction=shown.model_dump() if shown else None,
             worker_ready=self.link.ready,
-            views=pages.VIEWS,
+            views=tuple((name, words.t(label)) for name, label in pages.VIEWS),
             public_id=self.enrolment.public_id,
             ids=self.enrolment.ids,
             looks=looks_of(self.services.study),

@@ -16,42 +16,45 @@ from sim import views
 from study.flow.flow import FLOW, Flow
 from study.flow.page import PageContext
 from study.flow.protocol import Session
+from study.language.words import ENGLISH, Words, phrase
 
 VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
 """Names and labels of the camera views, the one a session starts with first."""
 
 FAILURES: Mapping[str, str] = {
-    "off_table": "The {object} fell off the table.",
-    "knocked_over": "The {object} fell over and cannot be picked up any more.",
-    "out_of_reach": "The {object} is out of the arm's reach now.",
-    "wrong_bin": "The {object} went into the other bin.",
-    "left_on_table": "The {object} came down on the table, not in the bin.",
-    "outside_bin": "The {object} landed outside the bin.",
-    "not_moved": "The {object} was put down too close to where it stood.",
+    "off_table": phrase("The {object} fell off the table."),
+    "knocked_over": phrase("The {object} fell over and cannot be picked up any more."),
+    "out_of_reach": phrase("The {object} is out of the arm's reach now."),
+    "wrong_bin": phrase("The {object} went into the other bin."),
+    "left_on_table": phrase("The {object} came down on the table, not in the bin."),
+    "outside_bin": phrase("The {object} landed outside the bin."),
+    "not_moved": phrase("The {object} was put down too close to where it stood."),
 }
 
 
-HELP_SEEN = "The experimenter has seen your call for help."
-SLIPPED = "The {object} slipped out of the gripper."
-ENDED_EARLY = "This round was ended early. Please go on from here."
+HELP_SEEN = phrase("The experimenter has seen your call for help.")
+SLIPPED = phrase("The {object} slipped out of the gripper.")
+ENDED_EARLY = phrase("This round was ended early. Please go on from here.")
 
 
-def instruction(view: TrialView, labels: Labels, practice: bool) -> Instruction:
+def instruction(view: TrialView, labels: Labels, practice: bool, words: Words = ENGLISH) -> Instruction:
     """The current task in words and ids."""
-    object_label = labels.objects[view.object]
-    bin_label = labels.bins[view.bin] if view.bin else None
+    object_label = words.t(labels.objects[view.object])
+    bin_label = words.t(labels.bins[view.bin]) if view.bin else None
+    named = {"object": object_label, "bin": bin_label or ""}
     if view.phase == "reset":
-        text, kind = "The arm goes back to its start. Please wait.", "reset"
+        text, kind = words.t("The arm goes back to its start. Please wait."), "reset"
     elif practice and view.kind == "pickup":
-        text, kind = f"Practice: pick up the {object_label}.", "practice"
+        text, kind = words.t("Practice: pick up the {object}.", **named), "practice"
     elif practice and view.bin is None:
-        text, kind = f"Practice: move the {object_label} to another place on the table and let go.", "practice"
+        moved = words.t("Practice: move the {object} to another place on the table and let go.", **named)
+        text, kind = moved, "practice"
     elif practice:
-        text, kind = f"Practice: drop the {object_label} into the {bin_label}.", "dropoff"
+        text, kind = words.t("Practice: drop the {object} into the {bin}.", **named), "dropoff"
     elif view.kind == "pickup":
-        text, kind = f"Pick up the {object_label}.", "pickup"
+        text, kind = words.t("Pick up the {object}.", **named), "pickup"
     else:
-        text, kind = f"Drop the {object_label} into the {bin_label}.", "dropoff"
+        text, kind = words.t("Drop the {object} into the {bin}.", **named), "dropoff"
     shows_bin = kind == "dropoff"
     return Instruction.model_validate(
         {
@@ -65,34 +68,47 @@ def instruction(view: TrialView, labels: Labels, practice: bool) -> Instruction:
     )
 
 
-def notice(ended: Verdict | None, before: Instruction | None, labels: Labels, again: bool = False) -> str | None:
+def notice(
+    ended: Verdict | None,
+    before: Instruction | None,
+    labels: Labels,
+    again: bool = False,
+    words: Words = ENGLISH,
+) -> str | None:
     """One line about the task that just ended. `before` is the instruction that was shown during it; `again`: this was
     a practice, and it is repeated."""
     if ended is None or before is None or before.object is None:
         return None
     if ended.outcome == "success":
-        done = {"dropoff": f"Well done: the {before.object_label} is in the bin.", "practice": "Well done."}
-        return done.get(before.kind)
-    said = FAILURES[ended.reason or ""].format(object=labels.objects[before.object])
-    return f"{said} Please try once more." if again else said
+        if before.kind == "dropoff":
+            return words.t("Well done: the {object} is in the bin.", object=before.object_label or "")
+        return words.t("Well done.") if before.kind == "practice" else None
+    said = words.t(FAILURES[ended.reason or ""], object=words.t(labels.objects[before.object]))
+    return f"{said} {words.t('Please try once more.')}" if again else said
 
 
 def tick_message(
-    result: TickResult, seq: int, before: Instruction | None, labels: Labels, practice: bool, show_assistance: bool
+    result: TickResult,
+    seq: int,
+    before: Instruction | None,
+    labels: Labels,
+    practice: bool,
+    show_assistance: bool,
+    words: Words = ENGLISH,
 ) -> Tick:
     """What the participant's page learns of a tick."""
     view = result.view
     slipped = next((event.data["object"] for event in result.events if event.kind == "slipped"), None)
-    told = notice(view.ended, before, labels, again=practice and not result.finished)
+    told = notice(view.ended, before, labels, again=practice and not result.finished, words=words)
     if told is None and slipped is not None:
-        told = SLIPPED.format(object=labels.objects[slipped])
+        told = words.t(SLIPPED, object=words.t(labels.objects[slipped]))
     status = {"operating": "running", "gripper": "gripper", "settling": "gripper", "reset": "resetting"}
     return Tick.model_validate(
         {
             "tick": result.row.tick,
             "seq": seq,
             "status": status.get(view.phase, "finished"),
-            "instruction": instruction(view, labels, practice).model_dump(),
+            "instruction": instruction(view, labels, practice, words).model_dump(),
             "done_tasks": view.done_tasks,
             "tasks": view.tasks,
             "gripper": view.gripper,

@@ -389,7 +389,7 @@ class LiveSession:
             Event(kind), Batch(events=(event,), identities=self._context.identities(private))
         )
         if command.name == "abort_trial":
-            self._connections.show_notice(pages.ENDED_EARLY)
+            self._connections.show_notice(self._services.study.words.t(pages.ENDED_EARLY))
         self._context.measure()
 
     async def _on_remark(self, work: _Work) -> None:
@@ -404,7 +404,7 @@ class LiveSession:
             self._connections.show_notice(remark.text)
         elif remark.name == "help_seen":
             context.vitals.help = None
-            self._connections.show_notice(pages.HELP_SEEN)
+            self._connections.show_notice(self._services.study.words.t(pages.HELP_SEEN))
 
 
 def _closed(work: _Work) -> None:

@@ -119,20 +119,22 @@ class Submissions:
             await context.commit(batch)
             acknowledge(client, message.id)
             return
+        words = context.services.study.words
         if message.step == "start" and context.lacks_panel():
-            text = "The second device is not connected. Open it with the code or the link on this page."
+            text = words.t("The second device is not connected. Open it with the code or the link on this page.")
             raise Refused("illegal", ("panel", text))
         if message.step == "start" and context.vitals.picture is False:
-            raise Refused("illegal", ("picture", "The picture of the robot is missing on this screen."))
+            raise Refused("illegal", ("picture", words.t("The picture of the robot is missing on this screen.")))
         if message.step == "start" and context.session.worker and not context.link.ready:
-            raise Refused("illegal", ("step", "the robot is not ready yet"))
+            raise Refused("illegal", ("step", words.t("The robot is not ready yet.")))
         await self._transitions.advance(outcome.event, batch, on_disk=lambda: acknowledge(client, message.id))
 
     async def _on_alert_step(self, client: Client, message: Submit) -> None:
         context, running = self._context, self._context.running
-        placement, words = context.services.study.distractor.placement, context.services.distractor.words
+        study, named = context.services.study, context.services.distractor.words
+        placement, words = study.distractor.placement, study.words
         if client.role != ("panel" if placement == "second_device" else "participant"):
-            raise Refused("illegal", ("step", f"in this study {words.many} are shown and logged on: {placement}"))
+            raise Refused("illegal", ("step", f"in this study {named.many} are shown and logged on: {placement}"))
         data, utc = parse(AlertData, message.data), context.services.now_utc()
         if running.distractor.alert(data.alert) is None and not context.session.is_ticking:
             # The trial ended while this was on its way: nobody did anything wrong.
@@ -141,7 +143,7 @@ class Submissions:
             acknowledge(client, message.id)
             return
         if running.distractor.alert(data.alert) is None:
-            raise Refused("invalid", ("data.alert", f"no {words.one} {data.alert} has been shown in this trial"))
+            raise Refused("invalid", ("data.alert", f"no {named.one} {data.alert} has been shown in this trial"))
         events: tuple[EventRow, ...] = ()
         if message.step == "alert_shown":
             running.distractor = running.distractor.shown(data.alert, utc)
@@ -152,17 +154,22 @@ class Submissions:
                 after, result = running.distractor.answer(data.alert, data.value or "", running.trial_s, utc)
             except PartFault as fault:
                 await self._transitions.distractor_failed(fault)
-                raise Refused("illegal", ("step", "The lab could not take this answer, and has paused.")) from fault
+                text = words.t("The lab could not take this answer, and has paused.")
+                raise Refused("illegal", ("step", text)) from fault
             if result == "empty":
-                verb = "answer" if running.distractor.alerts[data.alert - 1].stimulus.choices else "type"
-                raise Refused("invalid", ("data.value", f"Please {verb} the {words.one}."))
+                raise Refused("invalid", ("data.value", words.t("Please give an answer.")))
             if result == "too_long":
-                text = f"This has {len(data.value or '')} characters; at most {MAX_ANSWER_CHARACTERS} are taken."
+                text = words.t(
+                    "This has {n} characters, and at most {most} can be saved. Please shorten it.",
+                    n=len(data.value or ""),
+                    most=MAX_ANSWER_CHARACTERS,
+                )
                 raise Refused("invalid", ("data.value", text))
             if result == "unreadable":
-                raise Refused("invalid", ("data.value", "This holds a character that nobody can read."))
+                raise Refused("invalid", ("data.value", words.t("This holds a character that nobody can read.")))
             if result == "no_number":
-                raise Refused("invalid", ("data.value", f"“{data.value}” is not a number."))
+                text = words.t("“{typed}” is not a number.", typed=data.value or "")
+                raise Refused("invalid", ("data.value", text))
             if result == "no_choice":
                 choices = running.distractor.alerts[data.alert - 1].stimulus.choices
                 ids = ", ".join(choice.id for choice in choices)

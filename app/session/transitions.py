@@ -236,8 +236,9 @@ class Transitions:
         """Record a tick with everything that happened in it, then show it."""
         context, connections, running = self._context, self._context.connections, self._context.running
         result, practice, labels = report.result, context.session.place == "practice", context.services.labels
+        study = context.services.study
         row = replace(result.row, started_utc=utc_text(report.started_unix_s), late_ms=report.late_ms)
-        before = pages.instruction(running.view, labels, practice) if running.view else None
+        before = pages.instruction(running.view, labels, practice, study.words) if running.view else None
         running.ticked(report)
         events = [context.event(event.kind, "robot", dict(event.data)) for event in result.events]
         if report.overrun:
@@ -259,7 +260,7 @@ class Transitions:
             events=(*noticed, *events),
             cycles=context.cycle_rows(result.cycle_start, practice),
         )
-        tick = pages.tick_message(result, report.seq, before, labels, practice, context.services.study.show_assistance)
+        tick = pages.tick_message(result, report.seq, before, labels, practice, study.show_assistance, study.words)
 
         def show_all() -> None:
             connections.show_world(running.world)

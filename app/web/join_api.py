@@ -106,7 +106,11 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
     address = request.client.host if request.client else ""
     wait_s = math.ceil(attempts.add(address, new_token(), time.monotonic()))  # each counts, whatever it says
     if wait_s > 0:
-        text = f"too many people begin from this address at once; please try again in {wait_s} s"
+        text = lab.setup.study.words.tn(
+            "Too many people begin from this address at once. Please try again in one second.",
+            "Too many people begin from this address at once. Please try again in {n} seconds.",
+            wait_s,
+        )
         raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
     enrolment: OpenEnrolment = request.app.state.open_enrolment
     given = {name: (value,) for name, value in body.parameters.items()}

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from study.definition.field_types import Flag, Identifier, Link, Paragraphs, ParameterName, Part, PartName, Text, number
+from study.language.words import phrase
 from study.parts.code import Code
 
 
@@ -97,10 +98,12 @@ class Texts(Part):
     """The last page of who completed the study."""
     withdrawn: Paragraphs
     """The last page of who ended it."""
-    aborted: Paragraphs = ("The experimenter has ended the session. Thank you for your time. You can close this page.",)
+    aborted: Paragraphs = (
+        phrase("The experimenter has ended the session. Thank you for your time. You can close this page."),
+    )
     """The last page when the experimenter ended it."""
     screened_out: Paragraphs = (
-        "This study cannot be done on this device, so that it ends here. Thank you for your interest.",
+        phrase("This study cannot be done on this device, so that it ends here. Thank you for your interest."),
     )
     """The last page of who was screened out."""
 
@@ -317,9 +320,9 @@ class Recruitment(Part):
     screened_out_link: Link = ""
     full_link: Link = ""
     welcome: Paragraphs = (
-        "Thank you for your interest in this study. It runs in this browser, and nothing has to be installed.",
-        "Press Begin when you have time and quiet to take part.",
+        phrase("Thank you for your interest in this study. It runs in this browser, and nothing has to be installed."),
+        phrase("Press Begin when you have time and quiet to take part."),
     )
     """What the open link's page says before Begin."""
-    full: Paragraphs = ("This study has all the participants it needs. Thank you for your interest.",)
+    full: Paragraphs = (phrase("This study has all the participants it needs. Thank you for your interest."),)
     """What it says when the places are taken."""

@@ -17,14 +17,13 @@ from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, Ite
 from study.definition.sections import DemographicItem
 from study.definition.study import Study
 from study.definition.toml_reader import closest
-from study.flow.typed_number import Asked, DecimalMark, Flaw, flaw_of, number_of, sentence
+from study.flow.typed_number import Asked, Flaw, flaw_of, number_of, sentence
+from study.language.words import ENGLISH, Words
 from study.records import StudyError, SurveyAnswerRow
 
 MAX_TEXT_CHARACTERS = 4000
 """Of anything that is typed freely, counted as Unicode characters; the pages are told."""
 MAX_NUMBER_CHARACTERS = 100
-DECIMAL_MARK: DecimalMark = "."
-"""How the pages write numbers."""
 
 
 @dataclass(frozen=True)
@@ -89,30 +88,41 @@ def validate_demographics(study: Study, answers: object) -> tuple[AnswerProblem,
         elif item.kind == "choice":
             found += _choice_problem(field, value, [option.id for option in item.options])
         else:
-            problem = _number_problem(value, _asked(item)) if item.kind == "number" else text_problem(value)
+            problem = (
+                _number_problem(value, _asked(item, study.words), study.words)
+                if item.kind == "number"
+                else text_problem(value, study.words)
+            )
             if problem:
                 found.append(AnswerProblem(field, problem))
     return tuple(found)
 
 
-def text_problem(value: object) -> str | None:
+def text_problem(value: object, words: Words = ENGLISH) -> str | None:
     """Why words cannot be taken as they are; None when they can."""
     if not isinstance(value, str):
         return f"is {value!r}, must be a text"
     if len(value) > MAX_TEXT_CHARACTERS:
-        return f"has {len(value)} characters; at most {MAX_TEXT_CHARACTERS} are taken"
+        return words.t(
+            "This has {n} characters, and at most {most} can be saved. Please shorten it.",
+            n=len(value),
+            most=MAX_TEXT_CHARACTERS,
+        )
     if not value.strip():
-        return "holds blanks alone; please write something, or leave it empty"
-    return unseen_problem(value)
+        return words.t("This holds blanks alone. Please write something, or leave it empty.")
+    return unseen_problem(value, words)
 
 
-def unseen_problem(text: str) -> str | None:
+def unseen_problem(text: str, words: Words = ENGLISH) -> str | None:
     """Why words with control characters cannot be taken; None when there are none."""
     unseen = next((one for one in text if unicodedata.category(one) in ("Cc", "Cs") and one not in "\t\n"), None)
-    return f"holds a character that nobody can read (U+{ord(unseen):04X}); please take it out" if unseen else None
+    if unseen is None:
+        return None
+    code = f"U+{ord(unseen):04X}"
+    return words.t("This holds a character that nobody can read ({code}). Please take it out.", code=code)
 
 
-def _number_problem(value: object, asked: Asked) -> str | None:
+def _number_problem(value: object, asked: Asked, words: Words) -> str | None:
     flaw: Flaw | None
     if isinstance(value, str):
         flaw = "no_number" if len(value) > MAX_NUMBER_CHARACTERS else number_of(value, asked)[1]
@@ -120,17 +130,17 @@ def _number_problem(value: object, asked: Asked) -> str | None:
         return f"is {value!r}, must be a finite number"
     else:
         flaw = flaw_of(value, asked)
-    return sentence(flaw, value, asked) if flaw else None
+    return sentence(flaw, value, asked, words) if flaw else None
 
 
 def numbers_of(study: Study) -> dict[str, Asked]:
     """The questions about the person that are answered by a number, and what each takes."""
-    return {item.id: _asked(item) for item in study.demographics if item.kind == "number"}
+    return {item.id: _asked(item, study.words) for item in study.demographics if item.kind == "number"}
 
 
-def _asked(item: DemographicItem) -> Asked:
+def _asked(item: DemographicItem, words: Words) -> Asked:
     """What a question for a number takes."""
-    return Asked(DECIMAL_MARK, item.whole, item.least, item.most)
+    return Asked(words.signs.decimal_mark, item.whole, item.least, item.most)
 
 
 def validate_comprehension(study: Study, answers: object) -> tuple[AnswerProblem, ...]:
@@ -138,12 +148,13 @@ def validate_comprehension(study: Study, answers: object) -> tuple[AnswerProblem
     if not isinstance(answers, Mapping):
         return (AnswerProblem("answers", "must be an object of question id to option id"),)
     questions = study.instructions.questions
+    wrong = study.words.t("This is not the right answer. Please read the instructions again.")
     found = [*_unknown(answers, [question.id for question in questions], "answers")]
     for question in questions:
         field, value = f"answers.{question.id}", answers.get(question.id)
         problems = _choice_problem(field, value, [option.id for option in question.options])
         if not problems and value != question.correct:
-            problems = [AnswerProblem(field, "is not right; please read the instructions again")]
+            problems = [AnswerProblem(field, wrong)]
         found += problems
     return tuple(found)
 
@@ -155,7 +166,7 @@ def validate_debrief(study: Study, answers: object) -> tuple[AnswerProblem, ...]
     found = [*_unknown(answers, [question.id for question in study.texts.debrief_questions], "answers")]
     for question in study.texts.debrief_questions:
         value = answers.get(question.id)
-        problem = None if value is None or value == "" else text_problem(value)
+        problem = None if value is None or value == "" else text_problem(value, study.words)
         if problem:
             found.append(AnswerProblem(f"answers.{question.id}", problem))
     return tuple(found)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from study.definition.sections import Browser, Eligibility
+from study.language.words import ENGLISH, Words
 
 Check = Literal["browser", "touch", "window", "webgl", "round_trip", "gamepad", "sound"]
 CHECKS: tuple[Check, ...] = get_args(Check)
@@ -85,82 +86,96 @@ def browser_of(user_agent: str) -> Browser | None:
 
 
 def shortcomings(
-    rules: Eligibility, device: Device, round_trip_ms: float | None, tones: tuple[int, ...]
+    rules: Eligibility,
+    device: Device,
+    round_trip_ms: float | None,
+    tones: tuple[int, ...],
+    words: Words = ENGLISH,
 ) -> tuple[Shortcoming, ...]:
     """Everything the device lacks. `round_trip_ms` is the median the lab measured, None = not measured yet."""
     judges: Mapping[Check, Callable[[], str | None]] = {
-        "browser": lambda: _browser(rules, device),
-        "touch": lambda: _touch(device),
-        "window": lambda: _window(rules, device),
-        "webgl": lambda: _webgl(device),
-        "round_trip": lambda: _round_trip(rules, round_trip_ms),
-        "gamepad": lambda: _gamepad(device) if rules.gamepad == "required" else None,
-        "sound": lambda: _sound(device, tones),
+        "browser": lambda: _browser(rules, device, words),
+        "touch": lambda: _touch(device, words),
+        "window": lambda: _window(rules, device, words),
+        "webgl": lambda: _webgl(device, words),
+        "round_trip": lambda: _round_trip(rules, round_trip_ms, words),
+        "gamepad": lambda: _gamepad(device, words) if rules.gamepad == "required" else None,
+        "sound": lambda: _sound(device, tones, words),
     }
     found = [(check, judges[check]()) for check in checks_of(rules)]
     return tuple(Shortcoming(check, text) for check, text in found if text)
 
 
-def _browser(rules: Eligibility, device: Device) -> str | None:
+def _browser(rules: Eligibility, device: Device, words: Words) -> str | None:
     name = browser_of(device.user_agent)
     if name in rules.browsers:
         return None
-    wanted = " or ".join(browser.capitalize() for browser in rules.browsers)
-    found = f"This is {name.capitalize()}." if name else "This browser is not one the study was tried in."
-    return f"{found} Please open the same link in {wanted}."
+    wanted = words.either([browser.capitalize() for browser in rules.browsers])
+    if name:
+        return words.t(
+            "This is {browser}. Please open the same link in {wanted}.", browser=name.capitalize(), wanted=wanted
+        )
+    return words.t("The study was not tried in this browser. Please open the same link in {wanted}.", wanted=wanted)
 
 
-def _touch(device: Device) -> str | None:
+def _touch(device: Device, words: Words) -> str | None:
     if device.has_touch_only is False:
         return None
-    return "This device has only a touch screen. Please open the same link on a computer with a keyboard."
+    return words.t("This device has only a touch screen. Please open the same link on a computer with a keyboard.")
 
 
-def _window(rules: Eligibility, device: Device) -> str | None:
+def _window(rules: Eligibility, device: Device, words: Words) -> str | None:
     width, height = device.width_px or 0, device.height_px or 0
     if width >= rules.min_window_width_px and height >= rules.min_window_height_px:
         return None
-    return (
-        f"The page is {width} × {height} pixels large, and the study needs {rules.min_window_width_px} × "
-        f"{rules.min_window_height_px}. Enlarge the window, or zoom out (Ctrl and −), and check again."
+    return words.t(
+        "The page is {width} × {height} pixels large, and the study needs {least_width} × {least_height}. Enlarge the "
+        "window, or zoom out (Ctrl and −), and check again.",
+        width=width,
+        height=height,
+        least_width=rules.min_window_width_px,
+        least_height=rules.min_window_height_px,
     )
 
 
-def _webgl(device: Device) -> str | None:
+def _webgl(device: Device, words: Words) -> str | None:
     if device.has_webgl:
         return None
-    return (
+    return words.t(
         "This browser draws no 3-D graphics (WebGL). Turn on hardware acceleration in its settings, or open the same "
         "link in another browser."
     )
 
 
-def _round_trip(rules: Eligibility, round_trip_ms: float | None) -> str | None:
+def _round_trip(rules: Eligibility, round_trip_ms: float | None, words: Words) -> str | None:
     if round_trip_ms is None:
-        return "The connection could not be measured. Keep this page in front, and check again."
+        return words.t("The connection could not be measured. Keep this page in front, and check again.")
     if round_trip_ms <= rules.max_round_trip_ms:
         return None
-    return (
-        f"The way to the robot and back takes {round_trip_ms:.0f} ms, and at most {rules.max_round_trip_ms:g} ms are "
-        "possible. A cable, a place nearer to the router, no VPN, or ending downloads and video calls may help; then "
-        "check again."
+    return words.t(
+        "The way to the robot and back takes {took} ms, and at most {most} ms are possible. A cable, a place nearer to "
+        "the router, no VPN, or ending downloads and video calls may help; then check again.",
+        took=round(round_trip_ms),
+        most=rules.max_round_trip_ms,
     )
 
 
-def _gamepad(device: Device) -> str | None:
+def _gamepad(device: Device, words: Words) -> str | None:
     if device.is_secure is False:
-        return (
+        return words.t(
             "This page was not loaded over HTTPS, and browsers then give it no gamepad. You cannot mend that; please "
             "tell the person who gave you the link."
         )
     if device.pad_id:
         return None
-    return "No gamepad was found. Connect one, press any of its buttons, and check again."
+    return words.t("No gamepad was found. Connect one, press any of its buttons, and check again.")
 
 
-def _sound(device: Device, tones: tuple[int, ...]) -> str | None:
+def _sound(device: Device, tones: tuple[int, ...], words: Words) -> str | None:
     if device.tones is None:
-        return "Play the tones, and choose how many you heard."
+        return words.t("Play the tones, and choose how many you heard.")
     if device.tones == tones[device.tone_try % len(tones)]:
         return None
-    return "That was not the number of tones. Turn up the volume or plug in headphones, play them again, and count."
+    return words.t(
+        "That was not the number of tones. Turn up the volume or plug in headphones, play them again, and count."
+    )

@@ -12,6 +12,7 @@ from typing import Literal
 
 from study.definition.sections import Recruitment
 from study.flow.protocol import State
+from study.language.words import ENGLISH, Words
 
 MAX_ID_CHARACTERS = 100
 _ID = re.compile(rf"[A-Za-z0-9._~@-]{{1,{MAX_ID_CHARACTERS}}}\Z")
@@ -32,7 +33,9 @@ IDENTITY_PREFIX = "id."
 Answer = Literal["enrol", "back", "elsewhere", "full", "closed"]
 
 
-def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], tuple[str, ...]]:
+def read_ids(
+    rules: Recruitment, given: Mapping[str, Sequence[str]], words: Words = ENGLISH
+) -> tuple[dict[str, str], tuple[str, ...]]:
     """The ids in a link's parameters, and a sentence for each thing that is wrong with them.
 
     Parameters the study does not know are left alone; of those it knows, only the person's must be there.
@@ -41,20 +44,27 @@ def read_ids(rules: Recruitment, given: Mapping[str, Sequence[str]]) -> tuple[di
     for name in rules.id_parameters:
         values = [value.strip() for value in given.get(name, ()) if value.strip()]
         if len(values) > 1:
-            wrong.append(f"{name} stands {len(values)} times in the link.")
+            wrong.append(words.t("{name} stands {n} times in the link.", name=name, n=len(values)))
         elif values and is_placeholder(name, values[0]):
             wrong.append(
-                f"{name} is still a placeholder: each person's own id belongs there, and whoever gave out the link did "
-                "not put it in."
+                words.t(
+                    "{name} is still a placeholder: each person's own id belongs there, and whoever gave out the link "
+                    "did not put it in.",
+                    name=name,
+                )
             )
         elif values and not _ID.match(values[0]):
             wrong.append(
-                f"{name} is not filled in as it should be: at most {MAX_ID_CHARACTERS} letters, digits, and . _ ~ @ -"
+                words.t(
+                    "{name} is not filled in as it should be: at most {most} letters, digits, and . _ ~ @ -",
+                    name=name,
+                    most=MAX_ID_CHARACTERS,
+                )
             )
         elif values:
             ids[name] = values[0]
         elif name == rules.person:
-            wrong.append(f"{name} is missing in the link.")
+            wrong.append(words.t("{name} is missing in the link.", name=name))
     return ids, tuple(wrong)
 
 

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Literal
 
-DecimalMark = Literal[".", ","]
+from study.language.words import ENGLISH, Words
+
 Flaw = Literal["no_number", "ambiguous", "too_large", "too_small", "not_whole", "below", "above"]
 
 _ALIKE = {
@@ -69,7 +70,7 @@ def same_number(typed: str, number: str) -> bool:
 class Asked:
     """What a question takes for a number."""
 
-    mark: DecimalMark = "."
+    mark: str = "."
     """How the study's language writes it: of two readings of `1.234`, this one is taken."""
     whole: bool = False
     least: float | None = None
@@ -104,18 +105,31 @@ def flaw_of(value: float, asked: Asked) -> Flaw | None:
     return None
 
 
-def sentence(flaw: Flaw, typed: object, asked: Asked) -> str:
+def sentence(flaw: Flaw, typed: object, asked: Asked, words: Words = ENGLISH) -> str:
     """A flaw in words, for who answers."""
     read = numerals(typed) if flaw == "ambiguous" and isinstance(typed, str) else ()
     said = {
-        "no_number": f"{typed!r} is not a number; please write it in digits alone, such as 12 or 3{asked.mark}5",
-        "ambiguous": f"{typed!r} could be {' or '.join(reversed(read))}; please write {asked.mark} for decimals, and "
-        "no mark between thousands",
-        "too_large": f"{typed!r} is too large",
-        "too_small": f"{typed!r} is too small",
-        "not_whole": f"{typed!r} is not a whole number",
-        "below": f"{typed!r} is below {asked.least:g}, the least that is taken" if asked.least is not None else "",
-        "above": f"{typed!r} is above {asked.most:g}, the most that is taken" if asked.most is not None else "",
+        "no_number": words.t(
+            "“{typed}” is not a number. Please write it in digits alone, such as {whole} or {fraction}.",
+            typed=str(typed),
+            whole=12,
+            fraction=3.5,
+        ),
+        "ambiguous": words.t(
+            "“{typed}” could be {numbers}. Please write {mark} for decimals, and no mark between thousands.",
+            typed=str(typed),
+            numbers=words.either([words.signs.written(numeral) for numeral in reversed(read)] or [""]),
+            mark=asked.mark,
+        ),
+        "too_large": words.t("“{typed}” is too large.", typed=str(typed)),
+        "too_small": words.t("“{typed}” is too small.", typed=str(typed)),
+        "not_whole": words.t("“{typed}” is not a whole number.", typed=str(typed)),
+        "below": words.t(
+            "“{typed}” is below {least}, the least that is taken.", typed=str(typed), least=asked.least or 0.0
+        ),
+        "above": words.t(
+            "“{typed}” is above {most}, the most that is taken.", typed=str(typed), most=asked.most or 0.0
+        ),
     }
     return said[flaw]
 

@@ -10,7 +10,7 @@ lacks is shown in English. `static/common/language.js` does the same on the page
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -84,6 +84,11 @@ class Words:
     def lines(self, texts: tuple[str, ...]) -> list[str]:
         """Each of these texts in this language, such as the paragraphs that a study file leaves as they are."""
         return [self.t(text) for text in texts]
+
+    def either(self, choices: Sequence[str]) -> str:
+        """`a, b or c`."""
+        *others, last = choices
+        return self.t("{some} or {last}", some=", ".join(others), last=last) if others else last
 
     def number(self, value: float, decimals: int | None = None) -> str:
         """A number as this language writes it, without marks between thousands."""

@@ -10,6 +10,16 @@ from pydantic import Field
 
 from study.definition.part_fields import WrongParameter
 from study.flow.distractors.interface import Choice, Distractor, Stimulus, Words, stimulus_rng
+from study.language.words import phrase
+
+PROMPTS = {
+    1: phrase("Is this letter the same as the one before?"),
+    2: phrase("Is this letter the same as the one 2 before?"),
+    3: phrase("Is this letter the same as the one 3 before?"),
+    4: phrase("Is this letter the same as the one 4 before?"),
+    5: phrase("Is this letter the same as the one 5 before?"),
+}
+"""By how far back the letter is compared."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +42,12 @@ class NBack(Distractor[NBackParameters]):
     """The first n letters of a trial have nothing to be compared with: `different` is right."""
 
     Parameters = NBackParameters
-    words = Words("letter", "letters")
+    words = Words(phrase("letter"), phrase("letters"))
 
     def stimulus(self, seed: int, trial: int, number: int) -> Stimulus:
         """The letter, and the two answers."""
-        n = self.parameters.n
-        back = "the one before" if n == 1 else f"the one {n} before"
-        choices = (Choice("same", "Same", "1"), Choice("different", "Different", "2"))
-        return Stimulus(self._letters(seed, trial, number)[-1], f"Is this letter the same as {back}?", choices)
+        choices = (Choice("same", phrase("Same"), "1"), Choice("different", phrase("Different"), "2"))
+        return Stimulus(self._letters(seed, trial, number)[-1], PROMPTS[self.parameters.n], choices)
 
     def right_answer(self, stimuli: Sequence[Stimulus]) -> str:
         """Whether the last letter is the same as the one n back."""

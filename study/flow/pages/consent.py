@@ -49,7 +49,8 @@ def scripted(content: Content, person: Person) -> HandedIn:
 
 def _agree(context: StepContext, given: ConsentData) -> Outcome:
     if given.hash != as_read(context.study).consent.hash:
-        raise Refused("invalid", ("data.hash", "the consent text has changed since it was shown; please read it again"))
+        changed = context.study.words.t("The text has changed since it was shown. Please read it again.")
+        raise Refused("invalid", ("data.hash", changed))
     return Outcome(Event("consent_given"), consent_hash=given.hash)
 
 

@@ -82,7 +82,7 @@ def _check(context: StepContext, data: EligibilityData) -> Outcome:
     if context.session.state != "eligibility":
         return Outcome(Event("eligible"))  # which the protocol refuses
     rules = context.study.eligibility
-    found = shortcomings(rules, device, context.round_trip_ms, tones_of(context.public_id))
+    found = shortcomings(rules, device, context.round_trip_ms, tones_of(context.public_id), context.study.words)
     log = _device_log(checks_of(rules), device, context.round_trip_ms)
     if found:
         lacking = {"lacking": [one.check for one in found]}
@@ -107,7 +107,9 @@ def _device_log(checks: tuple[Check, ...], device: Device, round_trip_ms: float 
 
 def _leave(context: StepContext, _: NoData) -> Outcome:
     if not context.lacking:
-        raise Refused("illegal", ("step", "the device has not been checked since the lab started; check it again"))
+        raise Refused(
+            "illegal", ("step", context.study.words.t("The device has not been checked yet. Please check it again."))
+        )
     return Outcome(Event("screened_out", json.dumps(context.lacking)))
 
 

@@ -56,11 +56,12 @@ def scripted(content: Content, person: Person) -> HandedIn:
 
 
 def _follow(context: StepContext, setup: SetupData) -> Outcome:
-    rules = context.study.eligibility
+    rules, words = context.study.eligibility, context.study.words
     if rules.gamepad == "required" and setup.device != "gamepad":
-        raise Refused("invalid", ("data.device", "This study is done with a gamepad. Please set one up."))
+        raise Refused("invalid", ("data.device", words.t("This study is done with a gamepad. Please set one up.")))
     if rules.sound and not setup.sound:
-        raise Refused("invalid", ("data.sound", "This study needs sound. Please play the alarm again and turn it up."))
+        needs = words.t("This study needs sound. Please play the alarm again and turn it up.")
+        raise Refused("invalid", ("data.sound", needs))
     if len(json.dumps(setup.mapping)) > 8000:
         raise Refused("invalid", ("data.mapping", "is larger than 8000 characters of JSON"))
     return Outcome(Event("setup_done"), log=setup.model_dump())

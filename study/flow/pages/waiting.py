@@ -20,17 +20,20 @@ def go_on(content: Content, person: Person) -> HandedIn:
 
 def pause_content(session: Session, context: PageContext) -> Content:
     """Why it stands still, over the scene if there is one."""
+    words = context.study.words
     if "experimenter" in session.causes:
-        text = "The experimenter has paused the session. It goes on when they say so."
+        text = words.t("The experimenter has paused the session. It goes on when they say so.")
     elif "fault" in session.causes:
-        text = "Something in the lab did not work and the robot stopped. Nothing you did is lost. Please try to go on."
+        text = words.t(
+            "Something in the lab did not work and the robot stopped. Nothing you did is lost. Please try to go on."
+        )
     elif "picture" in session.causes:
-        text = (
+        text = words.t(
             "The picture of the robot is missing on this screen, so the robot has stopped and no time passes. The "
             "round goes on by itself as soon as the picture is back."
         )
     else:
-        text = "The connection was lost and the robot stopped. Go on when you are ready."
+        text = words.t("The connection was lost and the robot stopped. Go on when you are ready.")
     return {
         **(driving.content(session, context) if session.worker else {}),
         "causes": sorted(session.causes),
