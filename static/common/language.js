@@ -84,6 +84,18 @@ export function tc(context, text, values = {}) {
 }
 
 /**
+ * "a, b or c".
+ *
+ * @param {ReadonlyArray<string>} choices
+ * @returns {string}
+ */
+export function either(choices) {
+  const last = choices[choices.length - 1] ?? "";
+  if (choices.length < 2) return last;
+  return t("{some} or {last}", { some: choices.slice(0, -1).join(", "), last });
+}
+
+/**
  * A number as the language writes it.
  *
  * @param {number} value

@@ -1,6 +1,8 @@
 // A number as somebody typed it, in any script: which numbers it can be. `study/flow/typed_number.py` reads alike, and
 // has the last word; a test holds the two together.
 
+import { either, LANGUAGE, t, numeral as written } from "./language.js";
+
 const ALIKE = new Map([
   ...[..."．﹒。｡"].map((mark) => /** @type {const} */ ([mark, "."])),
   ...[..."，﹐、､،"].map((mark) => /** @type {const} */ ([mark, ","])),
@@ -43,20 +45,29 @@ export function numerals(typed) {
  * @param {Bounds} asked
  * @returns {string | null}
  */
-export function numberProblem(typed, { mark = ".", whole = false, least = null, most = null } = {}) {
+export function numberProblem(typed, { mark = LANGUAGE.decimal, whole = false, least = null, most = null } = {}) {
   const read = numerals(typed);
   const [numeral] = read;
-  const shown = `“${typed.trim()}”`;
+  const shown = { typed: typed.trim() };
   if (numeral === undefined)
-    return `${shown} is not a number. Please write it in digits alone, such as 12 or 3${mark}5.`;
+    return t("“{typed}” is not a number. Please write it in digits alone, such as {whole} or {fraction}.", {
+      ...shown,
+      whole: 12,
+      fraction: 3.5,
+    });
   if (read.length > 1 && [...plain(typed)].find((one) => DECIMALS.includes(one)) !== mark)
-    return `${shown} could be ${[...read].reverse().join(" or ")}. Please write ${mark} for decimals, and no mark between thousands.`;
+    return t("“{typed}” could be {numbers}. Please write {mark} for decimals, and no mark between thousands.", {
+      ...shown,
+      numbers: either([...read].reverse().map(written)),
+      mark,
+    });
   const value = Number(numeral);
-  if (!Number.isFinite(value)) return `${shown} is too large.`;
-  if (value === 0 && /[1-9]/u.test(numeral.replace(/e.*/u, ""))) return `${shown} is too small.`;
-  if (whole && !Number.isInteger(value)) return `${shown} is not a whole number.`;
-  if (least !== null && value < least) return `${shown} is below ${least}, the least that is taken.`;
-  if (most !== null && value > most) return `${shown} is above ${most}, the most that is taken.`;
+  if (!Number.isFinite(value)) return t("“{typed}” is too large.", shown);
+  if (value === 0 && /[1-9]/u.test(numeral.replace(/e.*/u, ""))) return t("“{typed}” is too small.", shown);
+  if (whole && !Number.isInteger(value)) return t("“{typed}” is not a whole number.", shown);
+  if (least !== null && value < least)
+    return t("“{typed}” is below {least}, the least that is taken.", { ...shown, least });
+  if (most !== null && value > most) return t("“{typed}” is above {most}, the most that is taken.", { ...shown, most });
   return null;
 }
 

@@ -1,5 +1,7 @@
 // What free words may hold, wherever they are typed. How many characters, the lab says, and it has the last word.
 
+import { t } from "./language.js";
+
 let limit = Number.POSITIVE_INFINITY;
 
 /**
@@ -22,9 +24,12 @@ export function setWordsLimit(characters) {
 export function wordsProblem(text) {
   const characters = [...text];
   if (characters.length > limit)
-    return `This has ${characters.length} characters, and at most ${limit} can be saved. Please shorten it.`;
+    return t("This has {n} characters, and at most {most} can be saved. Please shorten it.", {
+      n: characters.length,
+      most: limit,
+    });
   const unseen = characters.find((one) => /^[\p{Cc}\p{Cs}]$/u.test(one) && one !== "\t" && one !== "\n");
   if (unseen === undefined) return "";
   const code = (unseen.codePointAt(0) ?? 0).toString(16).toUpperCase().padStart(4, "0");
-  return `This holds a character that nobody can read (U+${code}). Please take it out.`;
+  return t("This holds a character that nobody can read ({code}). Please take it out.", { code: `U+${code}` });
 }

@@ -2,6 +2,7 @@
 // Whatever stands in the way is named, and there is always a way back.
 
 import { h, icon, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { Learning } from "./learning.js";
 import { ACTIONS, LABELS, OPTIONAL, snapshot } from "./mapping.js";
 
@@ -10,21 +11,22 @@ import { ACTIONS, LABELS, OPTIONAL, snapshot } from "./mapping.js";
 
 /** @type {Record<Action, string>} */
 const WAYS = {
-  forward: "Push forward, away from the robot",
-  left: "Push left",
-  up: "The control for up",
-  back: "Pull back, towards the robot",
-  right: "Push right",
-  down: "The control for down",
-  close: "The button that closes the gripper",
-  open: "The button that opens the gripper",
-  view: "A button that switches the view",
+  forward: t("Push forward, away from the robot"),
+  left: t("Push left"),
+  up: t("The control for up"),
+  back: t("Pull back, towards the robot"),
+  right: t("Push right"),
+  down: t("The control for down"),
+  close: t("The button that closes the gripper"),
+  open: t("The button that opens the gripper"),
+  view: t("A button that switches the view"),
 };
 /** @type {Record<PadProblem, string>} */
 const PROBLEMS = {
-  absent:
+  absent: t(
     "This browser gives this page no gamepads: it is too old, or the page was not opened over https. Chrome, Edge and Firefox can do it.",
-  refused: "This browser refuses to show gamepads to this page. A setting or an extension forbids it.",
+  ),
+  refused: t("This browser refuses to show gamepads to this page. A setting or an extension forbids it."),
 };
 
 /**
@@ -43,7 +45,7 @@ export function calibrate({ pads, known, onDone, useKeyboard }) {
   const warnText = h("span", {});
   const warn = h("p", { class: "field-error", role: "alert", hidden: true }, icon("warning"), warnText);
   const blockText = h("span", { data: { testid: "calibration-blocking" } });
-  const ignore = button("calibration-ignore", "Ignore");
+  const ignore = button("calibration-ignore", t("Ignore"));
   const block = h("div", { class: "calibration-block", role: "status", hidden: true }, blockText, ignore);
   const items = [...ACTIONS, ...OPTIONAL].map((action) => {
     const mark = h("span", { class: "mark", "aria-hidden": "true" });
@@ -54,10 +56,10 @@ export function calibrate({ pads, known, onDone, useKeyboard }) {
     { class: "calibration-list" },
     items.map((item) => item.element),
   );
-  const restart = button("calibration-restart", "Start over");
+  const restart = button("calibration-restart", t("Start over"));
   restart.prepend(icon("reset"));
-  const skip = button("calibration-skip", "Go on without it");
-  const keyboard = button("calibration-keyboard", "Use the keyboard instead");
+  const skip = button("calibration-skip", t("Go on without it"));
+  const keyboard = button("calibration-keyboard", t("Use the keyboard instead"));
   const element = h(
     "div",
     { class: "calibration", data: { testid: "calibration", step: "wake" } },
@@ -82,29 +84,32 @@ export function calibrate({ pads, known, onDone, useKeyboard }) {
     skip.hidden = !learning.isOptional;
     restart.hidden = pads.problem !== null;
     if (pads.problem !== null) {
-      setText(title, "No gamepad can be used here");
+      setText(title, t("No gamepad can be used here"));
       setText(
         hint,
-        `${PROBLEMS[pads.problem]} ${useKeyboard ? "The keyboard does the same." : "This study needs a gamepad: please tell whoever gave you the link."}`,
+        `${PROBLEMS[pads.problem]} ${useKeyboard ? t("The keyboard does the same.") : t("This study needs a gamepad: please tell whoever gave you the link.")}`,
       );
     } else if (pad === null) {
-      setText(title, "Press any button on your gamepad");
+      setText(title, t("Press any button on your gamepad"));
       setText(
         hint,
         pads.seen.length
-          ? "Connected. The page starts with the pad you touch."
-          : "Plug it in or switch it on first. Browsers show a pad only after a button was pressed.",
+          ? t("Connected. The page starts with the pad you touch.")
+          : t("Plug it in or switch it on first. Browsers show a pad only after a button was pressed."),
       );
     } else if (learning.phase === "rest") {
-      setText(title, "Let go of everything");
+      setText(title, t("Let go of everything"));
       setText(hint, pad.padId);
     } else {
-      setText(title, learning.holding || asked === null ? "Good, now let go" : `${WAYS[asked]}, then let go`);
+      setText(
+        title,
+        learning.holding || asked === null ? t("Good, now let go") : t("{what}, then let go", { what: WAYS[asked] }),
+      );
       setText(
         hint,
         learning.isOptional
-          ? "If you like: you can also switch it with the keyboard or the mouse."
-          : "Use the stick, cross or button you would like to use for it.",
+          ? t("If you like: you can also switch it with the keyboard or the mouse.")
+          : t("Use the stick, cross or button you would like to use for it."),
       );
     }
     warn.hidden = !learning.message;
@@ -122,10 +127,10 @@ export function calibrate({ pads, known, onDone, useKeyboard }) {
     const held = pad === null ? stuck : learning.blocking;
     block.hidden = held.length === 0;
     ignore.hidden = pad === null;
-    const what = `${held.slice(0, 3).join(", ")}${held.length > 3 ? " and more" : ""}`;
+    const what = `${held.slice(0, 3).join(", ")}${held.length > 3 ? ", …" : ""}`;
     const words = pad
-      ? `${what}: let go, or press Ignore if nobody touches it.`
-      : `${what} is held down: let go. What stays pressed is left alone.`;
+      ? t("{what}: let go, or press Ignore if nobody touches it.", { what })
+      : t("{what} is held down: let go. What stays pressed is left alone.", { what });
     setText(blockText, held.length > 0 ? words : "");
   }
 

@@ -3,6 +3,7 @@
 // control counts again once it was seen at rest.
 
 import { Emitter } from "../common/emitter.js";
+import { t } from "../common/language.js";
 import { lasting } from "../common/store.js";
 import { DEAD_ZONE, directionOf, PadReader, snapshot, validMapping } from "./mapping.js";
 
@@ -149,7 +150,9 @@ export class Pads extends Emitter {
    */
   stuck() {
     return this._list().flatMap((pad) =>
-      snapshot(pad).buttons.flatMap((value, index) => (value > 0.5 ? [`Button ${index} of ${pad.id}`] : [])),
+      snapshot(pad).buttons.flatMap((value, index) =>
+        value > 0.5 ? [t("Button {n} of {pad}", { n: index, pad: pad.id })] : [],
+      ),
     );
   }
 

@@ -1,6 +1,7 @@
 // The keyboard as an equal way to drive. Keys by position (so that WASD stay where they are on any layout).
 
 import { Emitter } from "../common/emitter.js";
+import { t, tc } from "../common/language.js";
 import { lasting } from "../common/store.js";
 import { KeyLabels } from "./layout.js";
 
@@ -37,7 +38,7 @@ const BY_KEY = { " ": "Space", arrowup: "ArrowUp", arrowdown: "ArrowDown", arrow
 for (const code of ["ArrowRight", "PageUp", "PageDown", "Enter"]) BY_KEY[code.toLowerCase()] = code;
 
 /** While one of these keys is down, or a menu or another window is in front, a release may never be heard of. */
-const TAKES_KEYS = new Set(["Meta", "OS", "Alt", "AltGraph", "ContextMenu"]);
+const TAKES_KEYS = new Set([t("Meta"), "OS", t("Alt"), "AltGraph", "ContextMenu"]);
 const LETS_GO = [
   "blur",
   "pagehide",
@@ -58,11 +59,11 @@ const TYPING_MS = 1000; // after the last key in a field, the next may still be 
  * @type {[what: string, first: string[], second: string[]][]}
  */
 export const LEGEND = [
-  ["Forward, back", ["KeyW", "KeyS"], ["↑", "↓"]],
-  ["Left, right", ["KeyA", "KeyD"], ["←", "→"]],
-  ["Up, down", ["KeyR", "KeyF"], ["PgUp", "PgDn"]],
-  ["Grip, let go", ["KeyC", "KeyO"], ["Space", "Enter"]],
-  ["Switch the view", ["KeyV"], []],
+  [t("Forward, back"), ["KeyW", "KeyS"], ["↑", "↓"]],
+  [t("Left, right"), ["KeyA", "KeyD"], ["←", "→"]],
+  [t("Up, down"), ["KeyR", "KeyF"], [tc("key", "PgUp"), tc("key", "PgDn")]],
+  [t("Grip, let go"), ["KeyC", "KeyO"], [tc("key", "Space"), tc("key", "Enter")]],
+  [t("Switch the view"), ["KeyV"], []],
 ];
 
 /** @param {EventTarget | null} target */
@@ -138,7 +139,7 @@ export class Keyboard extends Emitter {
    * @returns {string}
    */
   _placeOf({ code, key }) {
-    if (code && code !== "Unidentified") return code;
+    if (code && code !== t("Unidentified")) return code;
     return BY_KEY[key.toLowerCase()] ?? this.labels.placeOf(key) ?? "";
   }
 
@@ -150,7 +151,7 @@ export class Keyboard extends Emitter {
       return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
     const code = this._placeOf(event);
-    if (code === "" && (event.key === "Unidentified" || event.key === "Process")) this.emit("unknown");
+    if (code === "" && (event.key === t("Unidentified") || event.key === t("Process"))) this.emit("unknown");
     const gripper = GRIPPER[code];
     const isLate = event.timeStamp - this._typedMs < TYPING_MS;
     if (gripper) {

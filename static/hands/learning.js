@@ -5,6 +5,7 @@
 // axis beyond its range. An axis that was not reported yet reads 0 as well, so an exact 0 is only believed until the
 // control has moved. What never changes is never learned; what stands in the way has a name.
 
+import { number, t } from "../common/language.js";
 import { ALL, DEAD_ZONE, isHatReleased, LABELS, OPPOSITE, OPTIONAL, same } from "./mapping.js";
 import { chosenOf, controlOf, couldBeHat, isHeld, nameOf, PUSHED } from "./tracks.js";
 
@@ -197,7 +198,9 @@ export class Learning {
   _block(tracks) {
     this._inTheWay = tracks;
     this.blocking = tracks.map((track) =>
-      this._moves(track) ? `${nameOf(track)} moves` : `${nameOf(track)} is held at ${track.value.toFixed(1)}`,
+      this._moves(track)
+        ? t("{what} moves", { what: nameOf(track) })
+        : t("{what} is held at {value}", { what: nameOf(track), value: number(track.value, 1) }),
     );
   }
 
@@ -225,7 +228,7 @@ export class Learning {
       track.push = null;
     }
     if (control !== null) this._learn(control);
-    else if (isHalfway) this.message = "Push it all the way, then let go.";
+    else if (isHalfway) this.message = t("Push it all the way, then let go.");
   }
 
   /**
@@ -316,7 +319,7 @@ export class Learning {
       return learned !== undefined && same(learned, control);
     });
     if (taken) {
-      this.message = `That one already means “${LABELS[taken]}”. Press another one.`;
+      this.message = t("That one already means “{what}”. Press another one.", { what: LABELS[taken] });
       return;
     }
     this.message = "";

@@ -6,6 +6,8 @@
 //   {kind: "hat", index, value}               a D-pad folded into one axis: each direction is a value of its own
 // No button or axis number is known beforehand: the same pad is numbered differently in different browsers.
 
+import { t, tc } from "../common/language.js";
+
 /** @import { Input } from "../../tests/javascript/wire.d.ts" */
 /** @typedef {typeof ACTIONS[number] | typeof OPTIONAL[number]} Action */
 /** @typedef {NonNullable<Input["direction"]>} Direction x, y, z in the world frame */
@@ -23,15 +25,15 @@ export const OPTIONAL = /** @type {const} */ (["view"]);
 export const ALL = [...ACTIONS, ...OPTIONAL];
 /** @type {Record<Action, string>} */
 export const LABELS = {
-  forward: "forward",
-  back: "back",
-  left: "left",
-  right: "right",
-  up: "up",
-  down: "down",
-  close: "close the gripper",
-  open: "open the gripper",
-  view: "switch the view",
+  forward: tc("direction", "forward"),
+  back: tc("direction", "back"),
+  left: tc("direction", "left"),
+  right: tc("direction", "right"),
+  up: tc("direction", "up"),
+  down: tc("direction", "down"),
+  close: t("close the gripper"),
+  open: t("open the gripper"),
+  view: t("switch the view"),
 };
 /** @type {Partial<Record<Action, Action>>} */
 export const OPPOSITE = { forward: "back", left: "right", up: "down", back: "forward", right: "left", down: "up" };

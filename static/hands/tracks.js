@@ -1,5 +1,6 @@
 // One axis or button while its pad is learned: what was seen of it, and what that makes of it. Pure.
 
+import { t } from "../common/language.js";
 import { isHatReleased } from "./mapping.js";
 
 /** @import { Control } from "./mapping.js" */
@@ -31,7 +32,7 @@ export const PUSHED = 0.5;
  * @returns {string}
  */
 export function nameOf({ kind, index }) {
-  return kind === "button" ? `Button ${index}` : `Axis ${index}`;
+  return kind === "button" ? t("Button {n}", { n: index }) : t("Axis {n}", { n: index });
 }
 
 /**

@@ -1,6 +1,7 @@
 // The page of the open link. It changes nothing until its button is pressed: whoever only fetches a link enrols nobody.
 
 import { h, icon, setText, whileBusy } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { safeLink } from "../common/links.js";
 import { problemText } from "../common/problem.js";
 import { labUrl } from "../common/root.js";
@@ -14,27 +15,33 @@ const title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
 
 /** @type {Partial<Record<JoinReply["state"], [title: string, sign: IconName, lines: string[]]>>} */
 const WORDS = {
-  back: ["Welcome back", "hourglass", ["You are where you left it."]],
-  full: ["All places are taken", "info", []],
+  back: [t("Welcome back"), "hourglass", [t("You are where you left it.")]],
+  full: [t("All places are taken"), "info", []],
   closed: [
-    "This study is not open",
+    t("This study is not open"),
     "info",
     [
-      "Nobody can begin over this link at the moment. If you have begun already, open the link in the browser you began in.",
+      t(
+        "Nobody can begin over this link at the moment. If you have begun already, open the link in the browser you began in.",
+      ),
     ],
   ],
   bad_link: [
-    "This link is not complete",
+    t("This link is not complete"),
     "warning",
     [
-      "Open the link once more from where you found it, in full. If it still does not work, tell the person or the service that gave it to you.",
+      t(
+        "Open the link once more from where you found it, in full. If it still does not work, tell the person or the service that gave it to you.",
+      ),
     ],
   ],
   elsewhere: [
-    "This study was begun in another browser",
+    t("This study was begun in another browser"),
     "warning",
     [
-      "Somebody has already taken part, or begun to, with the id in this link. If that was you, go back to the browser you began in: the study goes on there. If you cannot, ask the researcher for a personal link.",
+      t(
+        "Somebody has already taken part, or begun to, with the id in this link. If that was you, go back to the browser you began in: the study goes on there. If you cannot, ask the researcher for a personal link.",
+      ),
     ],
   ],
 };
@@ -62,14 +69,14 @@ function show(reply) {
   const [heading, sign, lines] = WORDS[reply.state] ?? [reply.title, null, []];
   const actions = [];
   if (reply.state === "begin" || reply.state === "back")
-    actions.push(beginButton(reply.state === "begin" ? "Begin" : "Go on"));
+    actions.push(beginButton(reply.state === "begin" ? t("Begin") : t("Go on")));
   const link = reply.link && safeLink(reply.link);
   if (link)
     actions.push(
       h(
         "a",
         { class: "button primary large", href: link, rel: "noreferrer", data: { testid: "full-link" } },
-        "Continue",
+        t("Continue"),
       ),
     );
   const words = reply.state === "back" ? lines : [...reply.lines, ...lines];
@@ -94,7 +101,7 @@ const problem = h(
 function beginButton(label) {
   const button = h("button", { type: "button", class: "primary large", data: { testid: "join-begin" } }, label);
   button.addEventListener("click", () =>
-    whileBusy(button, "One moment", async () => {
+    whileBusy(button, t("One moment"), async () => {
       problem.hidden = true;
       const entries = [...new URLSearchParams(location.search)]
         .slice(0, 50)
@@ -108,7 +115,7 @@ function beginButton(label) {
         if (reply.page) location.replace(reply.page);
         else show(reply);
       } catch (error) {
-        setText(problemWords, `That did not work: ${problemText(error)}`);
+        setText(problemWords, t("That did not work: {problem}", { problem: problemText(error) }));
         problem.hidden = false;
       }
     }),
@@ -133,9 +140,9 @@ try {
 } catch {
   main.replaceChildren(
     card({
-      title: "The lab does not answer",
+      title: t("The lab does not answer"),
       sign: "lost",
-      lines: ["Please reload this page in a moment."],
+      lines: [t("Please reload this page in a moment.")],
       testid: "page-join-lost",
     }),
   );

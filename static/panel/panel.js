@@ -3,6 +3,8 @@
 
 import { h, icon, setText } from "../common/dom.js";
 import { onlyFreshKeys } from "../common/fresh_keys.js";
+import { t } from "../common/language.js";
+import { refusalText } from "../common/problem.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { card, Toasts } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
@@ -16,13 +18,13 @@ import { LabSocket } from "../wire/socket.js";
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 /** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
-  connecting: ["lost", "Connecting"],
-  closed: ["lost", "Connecting"],
-  open: ["check", "Connected"],
-  lost: ["lost", "Connection lost – trying again"],
-  superseded: ["warning", "Open on another device"],
-  denied: ["warning", "Link not valid"],
-  outdated: ["warning", "Page out of date"],
+  connecting: ["lost", t("Connecting")],
+  closed: ["lost", t("Connecting")],
+  open: ["check", t("Connected")],
+  lost: ["lost", t("Connection lost – trying again")],
+  superseded: ["warning", t("Open on another device")],
+  denied: ["warning", t("Link not valid")],
+  outdated: ["warning", t("Page out of date")],
 };
 
 onlyFreshKeys();
@@ -37,11 +39,11 @@ const on = h(
   "button",
   { type: "button", class: "primary huge", data: { testid: "panel-start" } },
   icon("sound"),
-  "Turn the sound on",
+  t("Turn the sound on"),
 );
 on.addEventListener("click", async () => {
   if (!(await sound.alarm()))
-    return toasts.show("This browser did not let the sound through. Press the button once more.", { problem: true });
+    return toasts.show(t("This browser did not let the sound through. Press the button once more."), { problem: true });
   started = true;
   setTimeout(() => alert.covering || sound.silence(), 800);
   refresh();
@@ -53,18 +55,18 @@ const last = h("p", { class: "panel-last", role: "status", data: { testid: "pane
 const waitTitle = h("h1", {});
 const waitText = h("p", {});
 const device = h("span", { class: "brand-title" });
-const heardText = h("p", {}, "Did you hear the alarm?");
-const yes = h("button", { type: "button", class: "primary large", data: { testid: "panel-heard" } }, "I heard it");
+const heardText = h("p", {}, t("Did you hear the alarm?"));
+const yes = h("button", { type: "button", class: "primary large", data: { testid: "panel-heard" } }, t("I heard it"));
 const no = h(
   "button",
   { type: "button", class: "secondary large", data: { testid: "panel-silent" } },
-  "I heard nothing",
+  t("I heard nothing"),
 );
 const again = h(
   "button",
   { type: "button", class: "secondary large", data: { testid: "panel-again" } },
   icon("sound"),
-  "Play it again",
+  t("Play it again"),
 );
 const asking = h(
   "div",
@@ -77,7 +79,7 @@ yes.addEventListener("click", () => {
   socket.note("panel_heard", { heard: true });
 });
 no.addEventListener("click", () => {
-  setText(heardText, "Turn up the volume of this device, take it off silent mode, and play the alarm again.");
+  setText(heardText, t("Turn up the volume of this device, take it off silent mode, and play the alarm again."));
   socket.note("panel_heard", { heard: false });
 });
 again.addEventListener("click", () => sound.alarm());
@@ -147,7 +149,7 @@ function reopen() {
 
 alert.addEventListener("open", refresh);
 alert.addEventListener("released", (event) => {
-  const results = { answered: words.answered, expired: words.missed, trial_ended: "The round has ended." };
+  const results = { answered: words.answered, expired: words.missed, trial_ended: t("The round has ended.") };
   setText(last, event.detail ? results[event.detail] : "");
   refresh();
 });
@@ -158,16 +160,16 @@ socket.addEventListener("state", (event) => {
     const again = h(
       "button",
       { type: "button", class: "primary large", data: { testid: "take-over" } },
-      "Use this screen instead",
+      t("Use this screen instead"),
     );
     again.addEventListener("click", () => {
       reopen();
       socket.takeOver();
     });
-    finish("The panel is open somewhere else", words.elsewhere, again);
+    finish(t("The panel is open somewhere else"), words.elsewhere, again);
   } else if (event.detail === "denied")
-    finish("This link does not work any more", "Open the link for the second device once more.");
-  else if (event.detail === "outdated") finish("This page is out of date", "Reload the page to go on.");
+    finish(t("This link does not work any more"), t("Open the link for the second device once more."));
+  else if (event.detail === "outdated") finish(t("This page is out of date"), t("Reload the page to go on."));
   refresh();
 });
 socket.addEventListener("welcome", name);
@@ -175,15 +177,15 @@ socket.addEventListener("page", (event) => {
   const { state } = event.detail;
   if (socket.welcome && socket.welcome.placement !== "second_device")
     return finish(
-      "This study has no second device",
-      "Everything appears on the participant's own screen. You can close this page.",
+      t("This study has no second device"),
+      t("Everything appears on the participant's own screen. You can close this page."),
     );
-  if (OVER.has(state)) return finish("That is all", words.over);
+  if (OVER.has(state)) return finish(t("That is all"), words.over);
   if (ended) reopen();
   alert.pause(state === "paused");
   alert.conceal(state === "paused");
   if (!["practice", "trial", "paused"].includes(state)) alert.clear();
-  setText(waitText, state === "paused" ? "The round is paused." : words.next);
+  setText(waitText, state === "paused" ? t("The round is paused.") : words.next);
   refresh();
 });
 socket.addEventListener("status", (event) =>
@@ -192,7 +194,7 @@ socket.addEventListener("status", (event) =>
 socket.addEventListener("notice", (event) => toasts.show(event.detail.text));
 socket.addEventListener(
   "refused",
-  (event) => event.detail.stale || toasts.show(event.detail.message, { problem: true }),
+  ({ detail: { stale, field, message } }) => stale || toasts.show(refusalText(field, message), { problem: true }),
 );
 
 document.body.append(

@@ -1,6 +1,7 @@
 // What each control does, in words: for the set-up, the side of the drive page, and Help.
 
 import { h } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { LEGEND } from "../hands/keyboard.js";
 import { nameOf, padPicture } from "./pad_words.js";
 
@@ -12,15 +13,16 @@ import { nameOf, padPicture } from "./pad_words.js";
 
 /** @type {[what: string, ...actions: Action[]][]} */
 const PAIRS = [
-  ["Forward, back", "forward", "back"],
-  ["Left, right", "left", "right"],
-  ["Up, down", "up", "down"],
-  ["Grip, let go", "close", "open"],
-  ["Switch the view", "view"],
+  [t("Forward, back"), "forward", "back"],
+  [t("Left, right"), "left", "right"],
+  [t("Up, down"), "up", "down"],
+  [t("Grip, let go"), "close", "open"],
+  [t("Switch the view"), "view"],
 ];
 
-export const UNKNOWN_KEY =
-  "This keyboard does not tell which key was pressed, as keyboards on a touch screen do. Use one with real keys, or a gamepad.";
+export const UNKNOWN_KEY = t(
+  "This keyboard does not tell which key was pressed, as keyboards on a touch screen do. Use one with real keys, or a gamepad.",
+);
 const key = (/** @type {string} */ text) => h("kbd", {}, text);
 
 /**
@@ -34,7 +36,7 @@ export function keyboardLegend(labels) {
   return h(
     "table",
     { class: "legend" },
-    h("caption", { class: "visually-hidden" }, "Keys that drive the robot"),
+    h("caption", { class: "visually-hidden" }, t("Keys that drive the robot")),
     h(
       "tbody",
       {},
@@ -55,7 +57,7 @@ export function padLegend({ mapping, isStandard }) {
   return h(
     "table",
     { class: "legend pad-legend" },
-    h("caption", { class: "visually-hidden" }, "Buttons and sticks that drive the robot"),
+    h("caption", { class: "visually-hidden" }, t("Buttons and sticks that drive the robot")),
     h(
       "tbody",
       {},

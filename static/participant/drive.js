@@ -1,6 +1,7 @@
 // Practice and trials: the scene, what to do now, what the robot is doing, and the hands.
 
 import { h, icon, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
@@ -36,7 +37,7 @@ import { view as pausedView } from "./views/paused.js";
 /** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
 /** @typedef {PageOf<Driving & { can_resume: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
-const GRIPPER = { open: "Gripper open", closed: "Gripper closed", moving: "Gripper moving" };
+const GRIPPER = { open: t("Gripper open"), closed: t("Gripper closed"), moving: t("Gripper moving") };
 
 /** @implements {View} */
 export class DriveView {
@@ -72,8 +73,8 @@ export class DriveView {
     this.pictures = h("div", { class: "instruction-picture" });
     this.instruction = h(
       "section",
-      { class: "side-card instruction", "aria-label": "What to do now" },
-      h("h2", { class: "visually-hidden" }, "What to do now"),
+      { class: "side-card instruction", "aria-label": t("What to do now") },
+      h("h2", { class: "visually-hidden" }, t("What to do now")),
       h("div", { "aria-live": "assertive" }, this.words),
       this.pictures,
     );
@@ -92,7 +93,7 @@ export class DriveView {
       "button",
       { type: "button", class: "secondary small sound-off", hidden: true, data: { testid: "sound-off" } },
       icon("sound"),
-      "Sound is off: turn it on",
+      t("Sound is off: turn it on"),
     );
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = new PassingNotice();
@@ -103,7 +104,7 @@ export class DriveView {
         class: "drive-scene",
         tabindex: "-1",
         role: "group",
-        "aria-label": "The robot. Keys drive it while the round is running.",
+        "aria-label": t("The robot. Keys drive it while the round is running."),
       },
       this.scene.element,
       this.soundButton,
@@ -113,19 +114,19 @@ export class DriveView {
     );
     this.side = h(
       "aside",
-      { class: "side", tabindex: "0", "aria-label": "What to do and what the robot is doing" },
+      { class: "side", tabindex: "0", "aria-label": t("What to do and what the robot is doing") },
       this.sign.element,
       this.assist,
       this.instruction,
       this.inset.element,
       this.progress.element,
-      h("section", { class: "side-card controls", "aria-label": "Controls" }, this.hands.element, this.legend),
+      h("section", { class: "side-card controls", "aria-label": t("Controls") }, this.hands.element, this.legend),
     );
     this.hands.words.append(this.gripper);
     this.body = h(
       "div",
       { class: "drive-body" },
-      h("h1", { class: "visually-hidden" }, "Driving the robot"),
+      h("h1", { class: "visually-hidden" }, t("Driving the robot")),
       this.region,
       this.side,
     );
@@ -236,18 +237,19 @@ export class DriveView {
   /** @param {DrivingPage} page */
   _startCard({ state, trial, trials }) {
     const practice = state === "practice_ready";
-    const title = practice ? "Practice first" : `Round ${trial} of ${trials}`;
+    const round = { trial: trial ?? 0, trials };
+    const title = practice ? t("Practice first") : t("Round {trial} of {trials}", round);
     const text = practice
       ? wordsFor(this.socket.welcome).practice
-      : "The robot is in place. When you press Start, the round begins.";
+      : t("The robot is in place. When you press Start, the round begins.");
     this.panel?.close();
     // The readings of a round appear on the second device: nobody starts while it is missing.
     this.panel = this.socket.welcome?.placement === "second_device" ? this._secondDevice() : null;
     this.start = stepButton({
       socket: this.socket,
       step: "start",
-      label: practice ? "Start practice" : `Start round ${trial}`,
-      busy: "Starting",
+      label: practice ? t("Start practice") : t("Start round {trial}", round),
+      busy: t("Starting"),
       kind: "primary large",
       testid: "start-button",
     });
@@ -280,7 +282,7 @@ export class DriveView {
     if (this.status !== "paused") this.status = null;
     this._instruct(tick.instruction);
     this._drawProgress(tick.done_tasks, tick.tasks);
-    setText(this.gripper, tick.holding ? "Gripper holding" : GRIPPER[tick.gripper]);
+    setText(this.gripper, tick.holding ? t("Gripper holding") : GRIPPER[tick.gripper]);
     if (tick.notice) this.notice.say(tick.notice);
     if (tick.slipped) this.sound.slipped();
     this._refresh();
@@ -309,14 +311,14 @@ export class DriveView {
    */
   _drawProgress(done, tasks) {
     if (!this.page) return;
-    const { trial, trials } = this.page;
+    const round = { trial: this.page.trial ?? 0, trials: this.page.trials };
     const practice = this.key.startsWith("practice");
     const unknown = this.key.startsWith("paused:");
     const where = unknown
-      ? `Round ${trial} of ${trials}`
+      ? t("Round {trial} of {trials}", round)
       : practice
-        ? `Practice before round ${trial} of ${trials}`
-        : `Task ${Math.min(done + 1, tasks)} of ${tasks} · Round ${trial} of ${trials}`;
+        ? t("Practice before round {trial} of {trials}", round)
+        : t("Task {task} of {tasks} · Round {trial} of {trials}", { task: Math.min(done + 1, tasks), tasks, ...round });
     this.progress.show(where, unknown || practice ? null : { done, tasks });
   }
 
@@ -325,8 +327,10 @@ export class DriveView {
     this._drawLegend();
     this.notice.say(
       there
-        ? `The gamepad is ${again ? "back" : "here"}. You can use it ${again ? "again" : "now"}.`
-        : "The gamepad is unplugged. The keyboard has taken over: see the keys on the right.",
+        ? again
+          ? t("The gamepad is back. You can use it again.")
+          : t("The gamepad is here. You can use it now.")
+        : t("The gamepad is unplugged. The keyboard has taken over: see the keys on the right."),
     );
   }
 
@@ -334,7 +338,7 @@ export class DriveView {
     const { chosen, device, pads } = this.input;
     const isHidden = chosen === "gamepad" && device !== "gamepad" && pads.problem === null;
     this.legend.replaceChildren(
-      isHidden ? h("p", { class: "hint" }, "To drive with the gamepad, press any of its buttons.") : "",
+      isHidden ? h("p", { class: "hint" }, t("To drive with the gamepad, press any of its buttons.")) : "",
       legendFor(this.input),
     );
   }
@@ -367,9 +371,9 @@ export class DriveView {
     if (this.start) {
       const alone = this.panel !== null && !this.panel.there();
       const why =
-        (state !== "ready" && "The robot is not in place yet.") ||
-        (!this.scene.watch.there && "Its picture is not there yet.") ||
-        (alone && "The second device is not there yet.");
+        (state !== "ready" && t("The robot is not in place yet.")) ||
+        (!this.scene.watch.there && t("Its picture is not there yet.")) ||
+        (alone && t("The second device is not there yet."));
       const wait = why !== false;
       this.start.disabled = wait;
       this.start.title = why || "";
@@ -379,7 +383,7 @@ export class DriveView {
     const goOn = /** @type {HTMLButtonElement | null} */ (this.overlay.querySelector("[data-testid=resume-button]"));
     if (goOn && goOn.getAttribute("aria-busy") !== "true") {
       goOn.disabled = !this.scene.watch.there;
-      goOn.title = goOn.disabled ? "The picture of the robot is not there yet." : "";
+      goOn.title = goOn.disabled ? t("The picture of the robot is not there yet.") : "";
     }
     const blocked = state === "running" && this.tick?.blocked;
     setText(this.hintText, blocked ? hintText(this.tick?.hint) : "");
@@ -387,7 +391,7 @@ export class DriveView {
     if (state === "lost" || state === "paused") this.notice.hide();
     const assisting = this.tick?.assisting ?? null;
     this.assist.hidden = assisting === null;
-    if (assisting !== null) setText(this.assist, assisting ? "The robot is assisting" : "You are driving");
+    if (assisting !== null) setText(this.assist, assisting ? t("The robot is assisting") : t("You are driving"));
     this.soundButton.hidden = this.sound.ready || this.alert === null;
     this.alert?.pause(
       state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",

@@ -1,6 +1,7 @@
 // What pages made of text and questions have in common.
 
 import { h, whileBusy } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { tab } from "../common/store.js";
 import { checkAll, question, showRefusals, valuesOf } from "./questions.js";
 
@@ -35,7 +36,7 @@ export function questionForm({ socket, questions, submitText, step, key, testid 
     event.preventDefault();
     for (const one of questions) one.clear();
     if (!checkAll(questions)) return;
-    whileBusy(button, "Saving", async () => {
+    whileBusy(button, t("Saving"), async () => {
       try {
         await socket.submit(step, { answers: valuesOf(questions) });
         tab.remove(key);

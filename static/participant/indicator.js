@@ -1,12 +1,14 @@
 // A small picture of the hands: which directions are on, which device they come from.
 
 import { h, icon, s, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { LABELS } from "../hands/mapping.js";
 
 /** @import { IconName } from "../common/dom.js" */
 /** @import { Device, Hands, Input } from "../hands/input.js" */
+/** @import { Action } from "../hands/mapping.js" */
 
-/** @type {[name: string, axis: number, sign: number, outline: string][]} */
+/** @type {[name: Action, axis: number, sign: number, outline: string][]} */
 const ARROWS = [
   ["forward", 0, 1, "M40 6 52 22H28z"],
   ["back", 0, -1, "M40 74 28 58h24z"],
@@ -17,9 +19,9 @@ const ARROWS = [
 ];
 /** @type {Record<Device, [sign: IconName, label: string]>} */
 const DEVICE = {
-  gamepad: ["gamepad", "Gamepad"],
-  keyboard: ["keyboard", "Keyboard"],
-  none: ["keyboard", "Keyboard"], // it drives unless something else was chosen
+  gamepad: ["gamepad", t("Gamepad")],
+  keyboard: ["keyboard", t("Keyboard")],
+  none: ["keyboard", t("Keyboard")], // it drives unless something else was chosen
 };
 
 /**
@@ -35,7 +37,7 @@ export function indicator(input) {
     sign,
     path: s("path", { d, class: "arrow-key" }),
   }));
-  const held = h("span", { class: "hands-words", data: { testid: "hands" } }, "hands off");
+  const held = h("span", { class: "hands-words", data: { testid: "hands" } }, t("hands off"));
   const device = h("span", { class: "hands-device", data: { testid: "device" } });
   const words = h("div", { class: "hands-text" }, device, held);
   const text = (/** @type {number} */ x, /** @type {number} */ y, /** @type {string} */ label) =>
@@ -48,8 +50,8 @@ export function indicator(input) {
       { class: "hands-picture", viewBox: "0 0 124 80", "aria-hidden": "true", focusable: "false" },
       s("rect", { x: 27, y: 27, width: 26, height: 26, rx: 6, class: "hands-hub" }),
       arrows.map((arrow) => arrow.path),
-      text(104, 38, "up"),
-      text(104, 49, "down"),
+      text(104, 38, LABELS.up),
+      text(104, 49, LABELS.down),
     ),
     words,
   );
@@ -58,10 +60,10 @@ export function indicator(input) {
     for (const arrow of arrows) {
       const lit = direction !== null && direction[arrow.axis] === arrow.sign;
       arrow.path.classList.toggle("on", lit);
-      if (lit) on.push(arrow.name);
+      if (lit) on.push(LABELS[arrow.name]);
     }
     const once = waiting.map((action) => LABELS[action]).join(", ");
-    setText(held, on.length ? on.join(" + ") : once ? `let go of it once: ${once}` : "hands off");
+    setText(held, on.length ? on.join(" + ") : once ? t("let go of it once: {what}", { what: once }) : t("hands off"));
     if (device.dataset.name !== name) {
       device.dataset.name = name;
       device.replaceChildren(icon(DEVICE[name][0]), h("span", {}, DEVICE[name][1]));

@@ -2,16 +2,17 @@
 // for it, and whatever happens to it, the study goes on.
 
 import { h, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { labUrl } from "../common/root.js";
 import { PictureWatch } from "./picture_watch.js";
 
-const LOST = "This picture is not there now. You can drive without it.";
+const LOST = t("This picture is not there now. You can drive without it.");
 
 export class Inset {
   constructor() {
     this.frame = h("iframe", {
       class: "inset-frame",
-      title: "The gripper from the side",
+      title: t("The gripper from the side"),
       tabindex: "-1",
       inert: true,
       data: { testid: "inset-frame" },
@@ -20,7 +21,7 @@ export class Inset {
     this.element = h(
       "figure",
       { class: "side-card inset", hidden: true, data: { testid: "inset" } },
-      h("figcaption", {}, "From the side, at the gripper"),
+      h("figcaption", {}, t("From the side, at the gripper")),
       h("div", { class: "inset-picture" }, this.frame, this.sign),
     );
     this._key = "";

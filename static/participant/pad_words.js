@@ -2,6 +2,7 @@
 // the control in it; of any other only its kind is known, and which way the person pushed it.
 
 import { s } from "../common/dom.js";
+import { t } from "../common/language.js";
 
 /** @import { Action, Control } from "../hands/mapping.js" */
 /** @typedef {{ words: string, arrow: string, place: [x: number, y: number, r: number] | null }} Named place: in the picture */
@@ -16,28 +17,28 @@ const ARROWS = /** @type {Partial<Record<Action, string>>} */ ({
 });
 /** @type {[words: string, x: number, y: number, arrow?: string][]} of a standard pad, as the Gamepad specification numbers them */
 const BUTTONS = [
-  ["bottom button", 46, 23],
-  ["right button", 51, 18],
-  ["left button", 41, 18],
-  ["top button", 46, 13],
-  ["left shoulder", 14, 7],
-  ["right shoulder", 46, 7],
-  ["left trigger", 14, 3],
-  ["right trigger", 46, 3],
-  ["middle left", 25, 14],
-  ["middle right", 35, 14],
-  ["left stick, pressed", 22, 26],
-  ["right stick, pressed", 38, 26],
-  ["cross", 14, 13, "↑"],
-  ["cross", 14, 23, "↓"],
-  ["cross", 9, 18, "←"],
-  ["cross", 19, 18, "→"],
-  ["centre button", 30, 20],
+  [t("bottom button"), 46, 23],
+  [t("right button"), 51, 18],
+  [t("left button"), 41, 18],
+  [t("top button"), 46, 13],
+  [t("left shoulder"), 14, 7],
+  [t("right shoulder"), 46, 7],
+  [t("left trigger"), 14, 3],
+  [t("right trigger"), 46, 3],
+  [t("middle left"), 25, 14],
+  [t("middle right"), 35, 14],
+  [t("left stick, pressed"), 22, 26],
+  [t("right stick, pressed"), 38, 26],
+  [t("cross"), 14, 13, "↑"],
+  [t("cross"), 14, 23, "↓"],
+  [t("cross"), 9, 18, "←"],
+  [t("cross"), 19, 18, "→"],
+  [t("centre button"), 30, 20],
 ];
 /** @type {[words: string, x: number, y: number][]} */
 const STICKS = [
-  ["left stick", 22, 26],
-  ["right stick", 38, 26],
+  [t("left stick"), 22, 26],
+  [t("right stick"), 38, 26],
 ];
 const OUTLINE =
   "M14 9h32c6 0 8 4 10 12 2 9 1 15-4 15-4 0-6-4-9-7-2-1-24-1-26 0-3 3-5 7-9 7-5 0-6-6-4-15 2-8 4-12 10-12z";
@@ -50,16 +51,16 @@ const OUTLINE =
  */
 export function nameOf(action, control, isStandard) {
   const arrow = ARROWS[action] ?? "";
-  if (control.kind === "hat") return { words: "cross", arrow, place: null };
+  if (control.kind === "hat") return { words: t("cross"), arrow, place: null };
   if (control.kind === "button") {
     const known = isStandard ? BUTTONS[control.index] : undefined;
     if (known) return { words: known[0], arrow: known[3] ?? "", place: [known[1], known[2], 2.6] };
-    return { words: `button ${control.index + 1}`, arrow: "", place: null }; // as pads that print numbers count them
+    return { words: t("button {n}", { n: control.index + 1 }), arrow: "", place: null }; // as pads that print numbers count them
   }
-  if (Math.abs(control.rest) >= 0.5) return { words: "trigger", arrow: "", place: null };
+  if (Math.abs(control.rest) >= 0.5) return { words: t("trigger"), arrow: "", place: null };
   const known = isStandard ? STICKS[control.index >> 1] : undefined;
   if (known) return { words: known[0], arrow: way(control.index, control.sign), place: [known[1], known[2], 4] };
-  return { words: control.index < 2 ? "stick" : "other stick", arrow, place: null };
+  return { words: control.index < 2 ? t("stick") : t("other stick"), arrow, place: null };
 }
 
 /**

@@ -3,6 +3,7 @@
 import { h } from "../common/dom.js";
 import { onlyFreshKeys } from "../common/fresh_keys.js";
 import { t } from "../common/language.js";
+import { refusalText } from "../common/problem.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { ask, card, Shell } from "../common/shell.js";
 import { setWordsLimit } from "../common/words_limit.js";
@@ -225,17 +226,6 @@ function final(state) {
   replace({ element: card({ sign: "warning", ...words }) }, state);
 }
 
-/**
- * The lab's messages about a field go on from its name ("must be …").
- *
- * @param {string | null} field
- * @param {string} message
- * @returns {string}
- */
-function sentence(field, message) {
-  return field && /^[a-z]/.test(message) ? `${field} ${message}` : message;
-}
-
 socket.addEventListener("page", (event) => showPage(event.detail));
 socket.addEventListener("state", (event) => final(event.detail));
 socket.addEventListener("notice", (event) =>
@@ -253,7 +243,7 @@ socket.addEventListener("refused", (event) => {
     () =>
       event.defaultPrevented ||
       shell.toasts.show(
-        code === "internal" ? t("The lab could not save that yet. It is tried again.") : sentence(field, message),
+        code === "internal" ? t("The lab could not save that yet. It is tried again.") : refusalText(field, message),
         { problem: true },
       ),
   );

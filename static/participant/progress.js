@@ -1,12 +1,13 @@
 // How far the round is: in words, and a dot for each task.
 
 import { h, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 
 export class Progress {
   constructor() {
     this.words = h("p", { class: "progress-text", data: { testid: "progress" } });
     this.dots = h("div", { class: "dots", "aria-hidden": "true" });
-    this.element = h("section", { class: "side-card progress", "aria-label": "Progress" }, this.words, this.dots);
+    this.element = h("section", { class: "side-card progress", "aria-label": t("Progress") }, this.words, this.dots);
   }
 
   /**

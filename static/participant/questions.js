@@ -1,6 +1,8 @@
 // Single questions of a form: radio groups, text and number fields, with their own error line.
 
 import { freshId, h, icon, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
+import { refusalText } from "../common/problem.js";
 import { numberProblem } from "../common/typed_number.js";
 import { wordsProblem } from "../common/words_limit.js";
 
@@ -45,7 +47,7 @@ export function question(asked, { kept, onChange }) {
   const errorId = freshId("error");
   const errorText = h("span", {});
   const error = h("p", { id: errorId, class: "field-error", role: "alert", hidden: true }, icon("warning"), errorText);
-  const note = !required ? h("span", { class: "optional" }, " (optional)") : null;
+  const note = !required ? h("span", { class: "optional" }, " ", t("(optional)")) : null;
   const made =
     kind === "choice"
       ? choice({ id, prompt, options, kept, errorId, note })
@@ -67,9 +69,9 @@ export function question(asked, { kept, onChange }) {
     value: made.value,
     problem() {
       const value = made.value();
-      if (value === null) return required ? "Please answer this question." : "";
+      if (value === null) return required ? t("Please answer this question.") : "";
       if (kind === "choice") return "";
-      if (value.trim() === "") return "This holds blanks alone. Please write something, or leave it empty.";
+      if (value.trim() === "") return t("This holds blanks alone. Please write something, or leave it empty.");
       return (kind === "number" ? numberProblem(value, asked) : wordsProblem(value)) ?? "";
     },
     clear,
@@ -179,7 +181,7 @@ export function showRefusals(socket, questions) {
     const wrong = questions.filter((one) => ids.includes(one.id));
     if (wrong.length === 0) return;
     event.preventDefault(); // shown here, so no toast
-    for (const one of wrong) one.fail(event.detail.message.replace(/^(?=[a-z])/, "This answer "));
+    for (const one of wrong) one.fail(refusalText(null, event.detail.message));
     questions.find((one) => one.failed())?.focus();
   });
 }

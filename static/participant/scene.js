@@ -1,6 +1,7 @@
 // The 3-D picture: viser's own client in a frame that cannot be touched or focused, our signs above it, and views.
 
 import { h, icon, setText } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { labUrl } from "../common/root.js";
 import { tab } from "../common/store.js";
 import { PictureWatch } from "./picture_watch.js";
@@ -9,13 +10,13 @@ import { PictureWatch } from "./picture_watch.js";
 /** @typedef {{ name: string, label: string }} CameraView */
 
 const SIGNS = {
-  lost: "Connection lost. What you see is old; the robot stands still. Trying again.",
-  stale: "The picture of the robot stopped. Connecting to it again.",
-  loading: "Loading the picture of the robot",
-  no_webgl: "This browser does not show 3-D pictures, so the robot cannot be seen.",
-  context_lost: "The browser has stopped showing the picture of the robot. Loading it again.",
-  not_loaded: "The picture of the robot does not load. Trying again.",
-  connection: "The picture of the robot stopped. Connecting to it again.",
+  lost: t("Connection lost. What you see is old; the robot stands still. Trying again."),
+  stale: t("The picture of the robot stopped. Connecting to it again."),
+  loading: t("Loading the picture of the robot"),
+  no_webgl: t("This browser does not show 3-D pictures, so the robot cannot be seen."),
+  context_lost: t("The browser has stopped showing the picture of the robot. Loading it again."),
+  not_loaded: t("The picture of the robot does not load. Trying again."),
+  connection: t("The picture of the robot stopped. Connecting to it again."),
 };
 
 export class Scene {
@@ -25,7 +26,7 @@ export class Scene {
     this.viewKey = `${session}:view`;
     this.frame = h("iframe", {
       class: "scene-frame",
-      title: "The robot, the table and the bins",
+      title: t("The robot, the table and the bins"),
       tabindex: "-1",
       inert: true,
       data: { testid: "scene-frame" },
@@ -40,7 +41,7 @@ export class Scene {
     );
     this.watch = new PictureWatch(this.frame);
     this.watch.addEventListener("change", () => this._update());
-    this.views = h("div", { class: "views", role: "group", "aria-label": "Camera view" });
+    this.views = h("div", { class: "views", role: "group", "aria-label": t("Camera view") });
     this.element = h("div", { class: "scene", data: { testid: "scene" } }, this.frame, this.sign, this.views);
     /** @type {string | null} */
     this.key = null;
@@ -138,7 +139,7 @@ export class Scene {
       return button;
     });
     this.views.hidden = views.length < 2;
-    this.views.replaceChildren(h("span", { class: "views-label", "aria-hidden": "true" }, "View"), ...buttons);
+    this.views.replaceChildren(h("span", { class: "views-label", "aria-hidden": "true" }, t("View")), ...buttons);
   }
 
   _update() {

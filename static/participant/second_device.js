@@ -2,6 +2,7 @@
 
 import { copyButton } from "../common/copy.js";
 import { h, icon } from "../common/dom.js";
+import { t } from "../common/language.js";
 import { labUrl } from "../common/root.js";
 
 /** @import { LabSocket } from "../wire/socket.js" */
@@ -17,7 +18,7 @@ export function secondDevice({ socket, session, link, onChange }) {
     type: "text",
     readonly: true,
     value: link ?? "",
-    "aria-label": "Link for the second device",
+    "aria-label": t("Link for the second device"),
     class: "link-field",
     data: { testid: "panel-link" },
   });
@@ -27,39 +28,39 @@ export function secondDevice({ socket, session, link, onChange }) {
         { class: "second-ways", data: { testid: "panel-ways" } },
         h("img", {
           class: "qr",
-          alt: "QR code of the link for the second device",
+          alt: t("QR code of the link for the second device"),
           src: labUrl(`/s/${session}/second-device.svg`),
           data: { testid: "panel-qr" },
         }),
         h(
           "div",
           {},
-          h("p", {}, "Point the second device's camera at the code, or open this link there:"),
+          h("p", {}, t("Point the second device's camera at the code, or open this link there:")),
           h(
             "div",
             { class: "copy-line" },
             field,
-            copyButton(() => link, "Copy link"),
+            copyButton(() => link, t("Copy link")),
           ),
         ),
       )
-    : h("p", {}, "The experimenter has the link and opens it for you.");
+    : h("p", {}, t("The experimenter has the link and opens it for you."));
   const there = () => socket.panel?.connected === true;
   const heard = () => socket.panel?.heard ?? null;
   const show = () => {
     const [sign, words, kind] = !there()
-      ? /** @type {const} */ (["hourglass", "Waiting for the second device", "waiting"])
+      ? /** @type {const} */ (["hourglass", t("Waiting for the second device"), "waiting"])
       : heard() === null
         ? /** @type {const} */ ([
             "check",
-            "The second device is there. Now turn its sound on, and say there whether you heard it.",
+            t("The second device is there. Now turn its sound on, and say there whether you heard it."),
             "there",
           ])
         : heard()
-          ? /** @type {const} */ (["check", "The second device is there, and its alarm was heard.", "heard"])
+          ? /** @type {const} */ (["check", t("The second device is there, and its alarm was heard."), "heard"])
           : /** @type {const} */ ([
               "warning",
-              "The second device is there, but nobody heard its alarm. Turn up its volume.",
+              t("The second device is there, but nobody heard its alarm. Turn up its volume."),
               "silent",
             ]);
     if (state.dataset.kind === kind) return;

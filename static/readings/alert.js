@@ -4,6 +4,7 @@
 
 import { freshId, h, icon, setText } from "../common/dom.js";
 import { Emitter } from "../common/emitter.js";
+import { numeral, t } from "../common/language.js";
 import { problemText } from "../common/problem.js";
 import { numerals } from "../common/typed_number.js";
 import { wordsFor } from "./words.js";
@@ -136,7 +137,7 @@ export class AlertView extends Emitter {
     this.input.value = "";
     this.error.hidden = true;
     this._name();
-    setText(this.reading, alert.reading);
+    setText(this.reading, numeral(alert.reading));
     this.reading.classList.toggle("long", alert.reading.length > LONG_TEXT && numerals(alert.reading).length === 0);
     this._ask(alert);
     setText(this.result, "");
@@ -229,7 +230,7 @@ export class AlertView extends Emitter {
     this.phase = "waiting";
     this.releaseS = this.away ? release_in_s : 0;
     this.lastStatus = status;
-    const endings = { answered: "Saved.", expired: this.words.late, trial_ended: "The round has ended." };
+    const endings = { answered: t("Saved."), expired: this.words.late, trial_ended: t("The round has ended.") };
     setText(this.result, endings[status]);
     this._redraw();
   }
@@ -315,19 +316,19 @@ export class AlertView extends Emitter {
     }
     this.error.hidden = true;
     this.phase = "sending";
-    setText(this.result, "Saving");
+    setText(this.result, t("Saving"));
     this._redraw();
     this.sound.silence();
     try {
       await this.socket.submit("alert_answer", { alert, value });
       this.sound.confirm();
-      if (this.phase === "sending") setText(this.result, "Saved.");
+      if (this.phase === "sending") setText(this.result, t("Saved."));
     } catch (error) {
       if (this.phase !== "sending") return;
       this.phase = "open";
       setText(this.result, "");
       this.error.hidden = false;
-      setText(this.error, `Not saved: ${problemText(error)}`);
+      setText(this.error, t("Not saved: {problem}", { problem: problemText(error) }));
       this._focus();
     }
   }
@@ -347,12 +348,16 @@ export class AlertView extends Emitter {
     this.form.inert = !open;
     this.element.dataset.phase = this.phase;
     this.bar.style.transform = `scaleX(${this.alert.answer_within_s > 0 ? left / this.alert.answer_within_s : 0})`;
-    setText(this.clock, this.paused ? "Paused" : this.phase === "waiting" ? "" : `${Math.ceil(left)} s left`);
+    setText(
+      this.clock,
+      this.paused ? t("Paused") : this.phase === "waiting" ? "" : t("{n} s left", { n: Math.ceil(left) }),
+    );
     setText(this.rest, this.away ? this._restText() : "");
   }
 
   _restText() {
-    if (this.phase === "waiting") return `The controls come back in ${Math.max(1, Math.ceil(this.releaseS))} s.`;
+    if (this.phase === "waiting")
+      return t("The controls come back in {n} s.", { n: Math.max(1, Math.ceil(this.releaseS)) });
     return this.words.handsOff;
   }
 

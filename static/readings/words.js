@@ -1,6 +1,8 @@
 // What the pages say about the second task. The readings have words of their own; every other kind of distractor names
 // what it shows (`welcome.stimuli`), and the same lines are made from that.
 
+import { t } from "../common/language.js";
+
 /** @import { StimulusWords } from "../../tests/javascript/wire.d.ts" */
 /**
  * @typedef {object} Words
@@ -26,42 +28,43 @@
  */
 function practiceWords(meanwhile) {
   const lines = [
-    "Move the block into the bin that the page names.",
+    t("Move the block into the bin that the page names."),
     meanwhile,
-    "Take your time; this part does not count.",
+    t("Take your time; this part does not count."),
   ];
   return lines.filter(Boolean).join(" ");
 }
 
 /** @type {Words} */
 const READINGS = {
-  title: "Sensor reading",
-  fresh: "New sensor reading",
-  prompt: "Type the reading, then press Enter",
-  submit: "Log reading",
-  missing: "Type the number shown above first.",
-  noNumber: (typed) => `“${typed}” is not a number. Type the number shown above.`,
-  late: "Time is up for this reading.",
-  handled: "This reading is logged.",
-  handsOff: "Take your hands off the robot's controls. They come back after you have logged the reading.",
-  missed: "Time ran out for that reading.",
-  practice: practiceWords("A reading comes meanwhile, as it will in the rounds."),
+  title: t("Sensor reading"),
+  fresh: t("New sensor reading"),
+  prompt: t("Type the reading, then press Enter"),
+  submit: t("Log reading"),
+  missing: t("Type the number shown above first."),
+  noNumber: (typed) => t("“{typed}” is not a number. Type the number shown above.", { typed }),
+  late: t("Time is up for this reading."),
+  handled: t("This reading is logged."),
+  handsOff: t("Take your hands off the robot's controls. They come back after you have logged the reading."),
+  missed: t("Time ran out for that reading."),
+  practice: practiceWords(t("A reading comes meanwhile, as it will in the rounds.")),
   panel: {
-    device: "Sensor panel",
-    title: "Sensor readings",
-    purpose: "This screen shows the readings. Press the button once, so that the browser lets the alarm through.",
-    waiting: "Waiting for a reading",
-    next: "The next reading appears here, with a loud sound. Type it and press Enter.",
-    answered: "Reading saved.",
-    missed: "Time ran out for the last reading.",
-    elsewhere: "Readings appear there.",
-    over: "No more readings. You can close this page.",
+    device: t("Sensor panel"),
+    title: t("Sensor readings"),
+    purpose: t("This screen shows the readings. Press the button once, so that the browser lets the alarm through."),
+    waiting: t("Waiting for a reading"),
+    next: t("The next reading appears here, with a loud sound. Type it and press Enter."),
+    answered: t("Reading saved."),
+    missed: t("Time ran out for the last reading."),
+    elsewhere: t("Readings appear there."),
+    over: t("No more readings. You can close this page."),
   },
   setup: {
-    loud: "Readings come with a loud sound. Set the volume so that it is clear and not unpleasant.",
-    watch: "You can also go on without sound; then watch for the readings.",
-    second:
+    loud: t("Readings come with a loud sound. Set the volume so that it is clear and not unpleasant."),
+    watch: t("You can also go on without sound; then watch for the readings."),
+    second: t(
       "Readings appear on a second device, with a loud sound. Open it there, press its button, and leave it on that page.",
+    ),
   },
 };
 
@@ -73,31 +76,38 @@ function wordsOf({ one, many }) {
   const capital = (/** @type {string} */ text) => text.charAt(0).toUpperCase() + text.slice(1);
   return {
     title: capital(one),
-    fresh: `New ${one}`,
-    prompt: "Type your answer, then press Enter",
-    submit: "Answer",
-    missing: "Type your answer first.",
-    noNumber: (typed) => `“${typed}” is not a number. Type the answer as a number.`,
-    late: `Time is up for this ${one}.`,
-    handled: `This ${one} is answered.`,
-    handsOff: "Take your hands off the robot's controls. They come back after you have answered.",
-    missed: `Time ran out for that ${one}.`,
-    practice: practiceWords(`The ${many} begin meanwhile, as they will in the rounds.`),
+    fresh: t("New {one}", { one }),
+    prompt: t("Type your answer, then press Enter"),
+    submit: t("Answer"),
+    missing: t("Type your answer first."),
+    noNumber: (typed) => t("“{typed}” is not a number. Type the answer as a number.", { typed }),
+    late: t("Time is up for this {one}.", { one }),
+    handled: t("This {one} is answered.", { one }),
+    handsOff: t("Take your hands off the robot's controls. They come back after you have answered."),
+    missed: t("Time ran out for that {one}.", { one }),
+    practice: practiceWords(t("The {many} begin meanwhile, as they will in the rounds.", { many })),
     panel: {
-      device: "Second device",
+      device: t("Second device"),
       title: capital(many),
-      purpose: `This screen shows the ${many}. Press the button once, so that the browser lets the alarm through.`,
-      waiting: `Waiting for the next ${one}`,
-      next: `The next ${one} appears here, with a loud sound.`,
-      answered: "Answer saved.",
-      missed: `Time ran out for the last ${one}.`,
-      elsewhere: `The ${many} appear there.`,
-      over: `No more ${many}. You can close this page.`,
+      purpose: t("This screen shows the {many}. Press the button once, so that the browser lets the alarm through.", {
+        many,
+      }),
+      waiting: t("Waiting for the next {one}", { one }),
+      next: t("The next {one} appears here, with a loud sound.", { one }),
+      answered: t("Answer saved."),
+      missed: t("Time ran out for the last {one}.", { one }),
+      elsewhere: t("The {many} appear there.", { many }),
+      over: t("No more {many}. You can close this page.", { many }),
     },
     setup: {
-      loud: `${capital(many)} come with a loud sound. Set the volume so that it is clear and not unpleasant.`,
-      watch: `You can also go on without sound; then watch for the ${many}.`,
-      second: `${capital(many)} appear on a second device, with a loud sound. Open it there, press its button, and leave it on that page.`,
+      loud: t("{many} come with a loud sound. Set the volume so that it is clear and not unpleasant.", {
+        many: capital(many),
+      }),
+      watch: t("You can also go on without sound; then watch for the {many}.", { many }),
+      second: t(
+        "{many} appear on a second device, with a loud sound. Open it there, press its button, and leave it on that page.",
+        { many: capital(many) },
+      ),
     },
   };
 }

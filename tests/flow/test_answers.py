@@ -222,7 +222,10 @@ def test_words_are_recorded_as_they_were_typed(study: Study, words: str) -> None
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("x" * (MAX_TEXT_CHARACTERS + 1), f"has {MAX_TEXT_CHARACTERS + 1} characters; at most {MAX_TEXT_CHARACTERS}"),
+        (
+            "x" * (MAX_TEXT_CHARACTERS + 1),
+            f"{MAX_TEXT_CHARACTERS + 1} characters, and at most {MAX_TEXT_CHARACTERS}",
+        ),
         ("a\0b", "U+0000"),
         ("a\rb", "U+000D"),
         ("a\x1bb", "U+001B"),

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from study.flow.typed_number import Asked, number_of, numerals, same_number, sentence
+from study.language.catalogue import words_for
 from tests.support.typed_numbers import ALPHABET, READ, digits
 
 
@@ -69,9 +70,14 @@ def test_a_question_takes_one_number_or_says_why_not(
     assert number_of(typed, asked) == (numeral, flaw)
     if flaw is not None:
         said = sentence(flaw, typed, asked)  # type: ignore[arg-type]  # one of the flaws
-        assert repr(typed) in said
+        assert f"“{typed}”" in said
 
 
 def test_an_ambiguous_number_is_told_both_ways_and_how_to_write_it() -> None:
     said = sentence("ambiguous", "1,234", Asked())
-    assert said == "'1,234' could be 1234 or 1.234; please write . for decimals, and no mark between thousands"
+    assert said == "“1,234” could be 1234 or 1.234. Please write . for decimals, and no mark between thousands."
+
+
+def test_the_words_write_numbers_as_the_language_does() -> None:
+    said = sentence("ambiguous", "1.234", Asked(mark="٫"), words_for("fa"))
+    assert "۱۲۳۴" in said and "۱٫۲۳۴" in said

@@ -73,7 +73,7 @@ async def test_letters_on_the_same_page_answered_right_wrong_empty_and_late(laun
         assert first.right_answer is None  # a page is never told
         for value in ("", "  ", None):
             empty = await player.refused("alert_answer", {"alert": 1, "value": value})
-            assert (empty.field, empty.message) == ("data.value", "Please answer the letter.")
+            assert (empty.field, empty.message) == ("data.value", "Please give an answer.")
         none = await player.refused("alert_answer", {"alert": 1, "value": "perhaps"})
         assert (none.code, none.field) == ("invalid", "data.value")
         assert none.message == "'perhaps' is none of the answers: same, different"

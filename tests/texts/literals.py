@@ -27,7 +27,7 @@ NO_WORDS = {
 WORDS = re.compile(r"[A-Za-zÀ-ž]+[,.:;!?…]? [A-Za-zÀ-ž]|[A-Z][a-z]{2,}|[a-z]{2,}[.!?…]$")
 """Two words, a capital letter at the beginning of one, or a full stop."""
 CODE = re.compile(
-    r"^(?:[A-Z][a-z]+[A-Z]\w*|Arrow\w+|Page(?:Up|Down)|Key\w?|Digit.*|Numpad\w*|Enter|Space|Escape|Tab|Shift|Control)$"
+    r"^(?:[A-Z][a-z]+[A-Z]\w*|Arrow\w+|Page(?:Up|Down)|Key\w?|Digit.*|Numpad\w*|Enter|Space|Escape|Tab|Shift|Control|Meta|Alt|AltGraph|ContextMenu)$"
     r"|^[MmLlHhVvCcQqAaZz0-9 .,-]+$"
     r"|^(?:https?|wss?|blob|data):|^\.*/\S*$"
     r"|^Content-Type$|^Shared Autonomy Lab$"

@@ -2,6 +2,7 @@
 // The lab measures the connection by pings of its own; the page only shows how far that is.
 
 import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
+import { number, t } from "../../common/language.js";
 import { ask, card } from "../../common/shell.js";
 
 /** @import { Refusal } from "../../wire/socket.js" */
@@ -11,13 +12,13 @@ import { ask, card } from "../../common/shell.js";
 /** @typedef {{ checks: Check[], gamepad: "any" | "preferred" | "required", tones: number[] }} Content */
 
 const LABELS = {
-  browser: "Browser",
-  touch: "Keyboard or mouse",
-  window: "Size of this page",
-  webgl: "3-D graphics",
-  round_trip: "Connection to the robot",
-  gamepad: "Gamepad",
-  sound: "Sound",
+  browser: t("Browser"),
+  touch: t("Keyboard or mouse"),
+  window: t("Size of this page"),
+  webgl: t("3-D graphics"),
+  round_trip: t("Connection to the robot"),
+  gamepad: t("Gamepad"),
+  sound: t("Sound"),
 };
 const MARKS = /** @type {const} */ ({ open: "clock", good: "check", bad: "warning" });
 const CHOICES = [1, 2, 3, 4, 5, 6];
@@ -87,7 +88,7 @@ export function view({ socket, pads, sound }, page) {
   function unmeasured() {
     if (!round_trip) return;
     measured = false;
-    round_trip.say("is being measured");
+    round_trip.say(t("is being measured"));
   }
   unmeasured();
   closers.push(
@@ -95,14 +96,14 @@ export function view({ socket, pads, sound }, page) {
     socket.on("ping", ({ detail: { left = null } }) => {
       if (!round_trip || left === null) return;
       measured = left === 0;
-      round_trip.say(measured ? "is measured" : `is being measured, ${left} to go`);
+      round_trip.say(measured ? t("is measured") : t("is being measured, {n} to go", { n: left }));
       if (measured) whenMeasured();
     }),
   );
 
   // Size of the page: live, so that enlarging the window is seen to help.
   if (size) {
-    const measure = () => size.say(`${innerWidth} × ${innerHeight}`);
+    const measure = () => size.say(`${number(innerWidth)} × ${number(innerHeight)}`);
     measure();
     addEventListener("resize", measure);
     closers.push(() => removeEventListener("resize", measure));
@@ -115,14 +116,14 @@ export function view({ socket, pads, sound }, page) {
     const words = () =>
       pad.say(
         padId
-          ? `is connected: ${padId}`
+          ? t("is connected: {pad}", { pad: padId })
           : gamepad === "required"
-            ? "– connect one and press any of its buttons"
-            : "– recommended: connect one and press any of its buttons, or go on with the keyboard",
+            ? t("– connect one and press any of its buttons")
+            : t("– recommended: connect one and press any of its buttons, or go on with the keyboard"),
       );
     words();
     const forbidden = () => {
-      if (pads.problem) pad.mark("bad", "This browser shows no gamepads to this page. Another browser may.");
+      if (pads.problem) pad.mark("bad", t("This browser shows no gamepads to this page. Another browser may."));
     };
     forbidden();
     closers.push(pads.on("pads", forbidden));
@@ -143,12 +144,12 @@ export function view({ socket, pads, sound }, page) {
   let heard = null;
   let askAgain = () => {};
   if (tone) {
-    tone.say("– play some tones and say how many there were");
+    tone.say(t("– play some tones and say how many there were"));
     const play = h(
       "button",
       { type: "button", class: "secondary small", data: { testid: "tones-play" } },
       icon("sound"),
-      "Play the tones",
+      t("Play the tones"),
     );
     const name = freshId("tones");
     const choices = CHOICES.map((count) => {
@@ -161,7 +162,7 @@ export function view({ socket, pads, sound }, page) {
     });
     play.addEventListener("click", async () => {
       if (!(await sound.tones(tones[attempt % tones.length] ?? 1)))
-        tone.mark("open", "This browser did not let the sound through. Press the button once more.");
+        tone.mark("open", t("This browser did not let the sound through. Press the button once more."));
     });
     tone.body.append(
       h(
@@ -171,8 +172,8 @@ export function view({ socket, pads, sound }, page) {
         h(
           "fieldset",
           { class: "options" },
-          h("legend", { class: "visually-hidden" }, "How many tones did you hear?"),
-          choices.map((radio) => h("label", { class: "option" }, radio, radio.value)),
+          h("legend", { class: "visually-hidden" }, t("How many tones did you hear?")),
+          choices.map((radio) => h("label", { class: "option" }, radio, number(Number(radio.value)))),
         ),
       ),
     );
@@ -198,20 +199,20 @@ export function view({ socket, pads, sound }, page) {
     "p",
     { class: "error-summary", role: "alert", hidden: true, data: { testid: "check-summary" } },
     icon("warning"),
-    h("span", {}, "Something is missing. What may help stands beside it; then check again."),
+    h("span", {}, t("Something is missing. What may help stands beside it; then check again.")),
   );
   const go = h(
     "button",
     { type: "button", class: "primary large", data: { testid: "check-submit" } },
-    "Check and continue",
+    t("Check and continue"),
   );
   const leave = h(
     "button",
     { type: "button", class: "secondary large", hidden: true, data: { testid: "check-leave" } },
-    "I cannot change this",
+    t("I cannot change this"),
   );
   go.addEventListener("click", () =>
-    whileBusy(go, "Checking", async () => {
+    whileBusy(go, t("Checking"), async () => {
       if (!measured) {
         await new Promise((resolve) => {
           whenMeasured = () => resolve(null);
@@ -223,15 +224,17 @@ export function view({ socket, pads, sound }, page) {
   );
   leave.addEventListener("click", async () => {
     const answer = await ask({
-      title: "Leave the study?",
+      title: t("Leave the study?"),
       text: [
-        "If nothing can be done about what is missing, the study ends here for you. You cannot take it up again with this link.",
+        t(
+          "If nothing can be done about what is missing, the study ends here for you. You cannot take it up again with this link.",
+        ),
       ],
-      confirm: "Leave the study",
+      confirm: t("Leave the study"),
       danger: true,
       testid: "leave-dialog",
     });
-    if (answer !== null) whileBusy(leave, "Leaving", () => socket.submit("leave").catch(() => {}));
+    if (answer !== null) whileBusy(leave, t("Leaving"), () => socket.submit("leave").catch(() => {}));
   });
   /** @type {string | null} */
   let refusedId = null;
@@ -253,9 +256,11 @@ export function view({ socket, pads, sound }, page) {
   closers.push(socket.on("refused", refused));
 
   const element = card({
-    title: "Does your device fit?",
+    title: t("Does your device fit?"),
     testid: "page-eligibility",
-    lines: ["Before you begin, this page looks at what the study needs. What it finds is kept, and nothing about you."],
+    lines: [
+      t("Before you begin, this page looks at what the study needs. What it finds is kept, and nothing about you."),
+    ],
     body: [
       summary,
       h(

@@ -1,6 +1,7 @@
 // Set-up: how to drive (gamepad or keyboard, equal), a live test, sound, and the second device where there is one.
 
 import { h, icon, setText, whileBusy } from "../../common/dom.js";
+import { number, t } from "../../common/language.js";
 import { card } from "../../common/shell.js";
 import { calibrate } from "../../hands/calibration.js";
 import { remember, remembered } from "../../hands/gamepad.js";
@@ -30,18 +31,20 @@ import { secondDevice } from "../second_device.js";
  * @property {boolean | null} sound null until the person has said whether they hear it
  */
 
+const PRESSED = { close: t("Gripper: close pressed"), open: t("Gripper: open pressed") };
+
 /**
- * @param {number} number
+ * @param {number} step
  * @param {string} title
  * @param {string} testid
  */
-function section(number, title, testid) {
+function section(step, title, testid) {
   const state = h("span", { class: "done-mark", role: "status" });
   const body = h("div", {});
   const element = h(
     "section",
     { class: "setup-step", data: { testid } },
-    h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, String(number)), title, state),
+    h("h2", {}, h("span", { class: "step-number", "aria-hidden": "true" }, number(step)), title, state),
     body,
   );
   const done = (/** @type {string} */ text) => {
@@ -66,18 +69,21 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     pad: pads.pad,
     sound: null,
   };
-  const drive = section(1, "How do you want to drive?", "setup-drive");
+  const drive = section(1, t("How do you want to drive?"), "setup-drive");
   // The alarm sounds where the readings appear, and that is where it has to be heard.
   const onPanel = placement === "second_device";
-  const hear = section(2, "Can you hear the alarm?", "setup-sound");
-  const second = onPanel ? section(2, "Open the second device", "setup-panel") : null;
+  const hear = section(2, t("Can you hear the alarm?"), "setup-sound");
+  const second = onPanel ? section(2, t("Open the second device"), "setup-panel") : null;
 
   const driveDetail = h("div", { class: "setup-detail" });
-  const recommended = gamepad === "preferred" ? "Recommended. " : "";
+  const pad =
+    gamepad === "preferred"
+      ? t("Recommended. Any pad with a stick or a cross, and a few buttons")
+      : t("Any pad with a stick or a cross, and a few buttons");
   /** @type {[device: ChosenDevice["device"], label: string, hint: string][]} */
   const devices = [
-    ["gamepad", "Gamepad", `${recommended}Any pad with a stick or a cross, and a few buttons`],
-    ["keyboard", "Keyboard", "Letters or arrow keys"],
+    ["gamepad", t("Gamepad"), pad],
+    ["keyboard", t("Keyboard"), t("Letters or arrow keys")],
   ];
   const radios = devices
     .filter(([device]) => device === "gamepad" || gamepad !== "required")
@@ -100,7 +106,7 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     h(
       "fieldset",
       { class: "device-cards" },
-      h("legend", { class: "visually-hidden" }, "Controls"),
+      h("legend", { class: "visually-hidden" }, t("Controls")),
       radios.map((one) => one.element),
     ),
     driveDetail,
@@ -162,10 +168,10 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       value: String(pad.deadZone),
       data: { testid: "dead-zone" },
     });
-    const shown = h("output", { for: "dead-zone" }, `${Math.round(pad.deadZone * 100)} %`);
+    const shown = h("output", { for: "dead-zone" }, t("{n} %", { n: Math.round(pad.deadZone * 100) }));
     zone.addEventListener("input", () => {
       const deadZone = Number(zone.value);
-      setText(shown, `${Math.round(deadZone * 100)} %`);
+      setText(shown, t("{n} %", { n: Math.round(deadZone * 100) }));
       pads.setDeadZone(deadZone);
       chosen.pad = { ...pad, deadZone };
       remember(chosen.pad);
@@ -174,13 +180,13 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       "button",
       { type: "button", class: "secondary small", data: { testid: "calibrate-again" } },
       icon("reset"),
-      "Set up the pad again",
+      t("Set up the pad again"),
     );
     again.addEventListener("click", () => startCalibration({ anew: true }));
     const dead = h(
       "div",
       { class: "field inline" },
-      h("label", { for: "dead-zone" }, "Push a stick at least this far"),
+      h("label", { for: "dead-zone" }, t("Push a stick at least this far")),
       zone,
       shown,
     );
@@ -200,11 +206,11 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     const press = h(
       "p",
       { class: "test-gripper", role: "status", data: { testid: "test-gripper" } },
-      "Gripper: nothing pressed yet",
+      t("Gripper: nothing pressed yet"),
     );
     const unknown = h("p", { class: "field-error", role: "status", hidden: true }, icon("warning"), UNKNOWN_KEY);
     const deafen = [
-      input.on("gripper", (event) => setText(press, `Gripper: ${event.detail} pressed`)),
+      input.on("gripper", (event) => setText(press, PRESSED[event.detail])),
       keyboard.on("unknown", () => {
         unknown.hidden = false;
       }),
@@ -215,10 +221,10 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
         class: "test-area",
         tabindex: "0",
         role: "group",
-        "aria-label": "Try the controls here",
+        "aria-label": t("Try the controls here"),
         data: { testid: "test-area" },
       },
-      h("p", { class: "test-title" }, "Try it here"),
+      h("p", { class: "test-title" }, t("Try it here")),
       hands.element,
       press,
       unknown,
@@ -226,14 +232,14 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
         "p",
         { class: "hint" },
         chosen.device === "keyboard"
-          ? "Click here (or press Tab to get here), then press the keys."
-          : "Move the sticks and press the buttons.",
+          ? t("Click here (or press Tab to get here), then press the keys.")
+          : t("Move the sticks and press the buttons."),
       ),
     );
     driveDetail.replaceChildren(h("div", { class: "setup-columns" }, h("div", {}, legend), area));
     keyboard.listen(area);
     if (chosen.device === "keyboard") area.focus({ preventScroll: true });
-    drive.done("Ready");
+    drive.done(t("Ready"));
     stopDetail = () => {
       keyboard.listen(null);
       hands.close();
@@ -247,23 +253,23 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     "button",
     { type: "button", class: "secondary", data: { testid: "sound-play" } },
     icon("sound"),
-    "Play the alarm",
+    t("Play the alarm"),
   );
   const yes = h(
     "button",
     { type: "button", class: "secondary", hidden: true, data: { testid: "sound-yes" } },
-    "I heard it",
+    t("I heard it"),
   );
   const no = h(
     "button",
     { type: "button", class: "secondary", hidden: true, data: { testid: "sound-no" } },
-    "I heard nothing",
+    t("I heard nothing"),
   );
   const hearError = h(
     "p",
     { class: "field-error", role: "alert", hidden: true },
     icon("warning"),
-    h("span", {}, "Play the alarm and say whether you heard it."),
+    h("span", {}, t("Play the alarm and say whether you heard it.")),
   );
   play.addEventListener("click", async () => {
     const sounded = await sound.alarm();
@@ -272,8 +278,8 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     setText(
       heard,
       sounded
-        ? "It is playing now. Did you hear it?"
-        : "This browser did not let the sound through. Press the button once more.",
+        ? t("It is playing now. Did you hear it?")
+        : t("This browser did not let the sound through. Press the button once more."),
     );
   });
   yes.addEventListener("click", () => sayHeard(true));
@@ -282,12 +288,12 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
   function sayHeard(value) {
     chosen.sound = value;
     hearError.hidden = true;
-    hear.done(value ? "Heard" : "Not heard");
+    hear.done(value ? t("Heard") : t("Not heard"));
     setText(
       heard,
       value
-        ? "Good. Keep the volume as it is."
-        : `Turn up the volume or plug in headphones, and play it again. ${needs_sound ? "This study needs sound." : words.watch}`,
+        ? t("Good. Keep the volume as it is.")
+        : `${t("Turn up the volume or plug in headphones, and play it again.")} ${needs_sound ? t("This study needs sound.") : words.watch}`,
     );
   }
   hear.body.append(h("p", {}, words.loud), h("div", { class: "actions" }, play, yes, no), heard, hearError);
@@ -299,7 +305,7 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
   const later = h(
     "button",
     { type: "button", class: "secondary", hidden: true, data: { testid: "panel-later" } },
-    "Go on; the experimenter opens it later",
+    t("Go on; the experimenter opens it later"),
   );
   later.addEventListener("click", () => {
     without = true;
@@ -307,7 +313,9 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     go.click();
   });
   function secondChanged() {
-    second?.done(panel?.there() ? (panel.heard() === false ? "Not heard" : panel.heard() ? "Ready" : "There") : "");
+    second?.done(
+      panel?.there() ? (panel.heard() === false ? t("Not heard") : panel.heard() ? t("Ready") : t("There")) : "",
+    );
     secondError.hidden = true;
   }
   /** @returns {boolean} whether nothing is missing on the second device */
@@ -318,8 +326,8 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     setText(
       secondErrorText,
       panel.there()
-        ? "Turn the sound of the second device on, and say there whether you heard it."
-        : "Open the second device first: the readings appear there.",
+        ? t("Turn the sound of the second device on, and say there whether you heard it.")
+        : t("Open the second device first: the readings appear there."),
     );
     secondError.hidden = false;
     later.hidden = false;
@@ -331,7 +339,7 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
     secondChanged();
   }
 
-  const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, "Continue");
+  const go = h("button", { type: "button", class: "primary large", data: { testid: "setup-submit" } }, t("Continue"));
   go.addEventListener("click", () => {
     const { device, pad } = chosen;
     if (!device || (device === "gamepad" && !pad)) {
@@ -339,8 +347,8 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       setText(
         driveErrorText,
         device === "gamepad"
-          ? "Finish setting up the gamepad first, or choose the keyboard."
-          : "Choose gamepad or keyboard first.",
+          ? t("Finish setting up the gamepad first, or choose the keyboard.")
+          : t("Choose gamepad or keyboard first."),
       );
       drive.element.scrollIntoView({ block: "center" });
       (radios.find((one) => one.radio.checked) ?? radios[0])?.radio.focus({ preventScroll: true });
@@ -361,12 +369,12 @@ export function view({ socket, session, input, pads, keyboard, sound }, page) {
       dead_zone: byPad?.deadZone ?? DEAD_ZONE.default,
       sound: (onPanel ? panel?.heard() : chosen.sound) === true,
     };
-    whileBusy(go, "Saving", () => socket.submit("setup", data).catch(() => {}));
+    whileBusy(go, t("Saving"), () => socket.submit("setup", data).catch(() => {}));
   });
 
   const steps = [drive.element, placement === "none" || onPanel ? null : hear.element, second?.element];
   const element = card({
-    title: "Set up",
+    title: t("Set up"),
     wide: true,
     testid: "page-setup",
     body: [picture.element, ...steps, h("div", { class: "actions" }, go)],

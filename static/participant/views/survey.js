@@ -1,6 +1,7 @@
 // Questionnaires as the lab sends them: one row of radio buttons per item, nothing skipped silently, kept over a reload.
 
 import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
+import { number, t, tn } from "../../common/language.js";
 import { tab } from "../../common/store.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
@@ -19,7 +20,7 @@ export function view({ socket, session }, page) {
   const answers = tab.get(key, /** @type {Answers} */ ({}));
   /** @type {ReturnType<typeof itemRow>[]} */
   const rows = [];
-  const heading = h("h1", { tabindex: "-1" }, "How was it?");
+  const heading = h("h1", { tabindex: "-1" }, t("How was it?"));
   const summary = h("div", {
     class: "error-summary",
     role: "alert",
@@ -31,7 +32,7 @@ export function view({ socket, session }, page) {
 
   const count = () => {
     const given = rows.filter((row) => row.value() !== null).length;
-    setText(progress, `${given} of ${rows.length} answered`);
+    setText(progress, t("{n} of {all} answered", { n: given, all: rows.length }));
   };
 
   const sections = instruments.map((instrument) => {
@@ -58,7 +59,7 @@ export function view({ socket, session }, page) {
   const button = h(
     "button",
     { type: "submit", class: "primary large", data: { testid: "survey-submit" } },
-    "Save answers and continue",
+    t("Save answers and continue"),
   );
   const form = h(
     "form",
@@ -72,15 +73,16 @@ export function view({ socket, session }, page) {
     const missing = rows.filter((row) => row.check() === false);
     summary.hidden = missing.length === 0;
     if (missing.length > 0) {
-      const words =
-        missing.length === 1
-          ? "One question is not answered yet."
-          : `${missing.length} questions are not answered yet.`;
-      summary.replaceChildren(icon("warning"), h("p", {}, `${words} They are marked below.`));
+      const words = tn(
+        "One question is not answered yet. It is marked below.",
+        "{n} questions are not answered yet. They are marked below.",
+        missing.length,
+      );
+      summary.replaceChildren(icon("warning"), h("p", {}, words));
       missing[0]?.focus();
       return;
     }
-    whileBusy(button, "Saving", async () => {
+    whileBusy(button, t("Saving"), async () => {
       try {
         await socket.submit("survey", { answers });
         tab.remove(key);
@@ -92,7 +94,10 @@ export function view({ socket, session }, page) {
   count();
   const trialText =
     page.trial && page.trials
-      ? `Your answers are about round ${page.trial} of ${page.trials}, the one you have just finished.`
+      ? t("Your answers are about round {trial} of {trials}, the one you have just finished.", {
+          trial: page.trial,
+          trials: page.trials,
+        })
       : "";
   const element = h(
     "section",
@@ -117,7 +122,7 @@ function itemRow(instrument, item, chosen, onChange) {
     "p",
     { id: errorId, class: "field-error", hidden: true },
     icon("warning"),
-    h("span", {}, "Please choose an answer."),
+    h("span", {}, t("Please choose an answer.")),
   );
   const radios = Array.from({ length: instrument.points }, (_, index) => {
     const value = index + 1;
@@ -127,7 +132,7 @@ function itemRow(instrument, item, chosen, onChange) {
       name,
       value: String(value),
       "aria-describedby": errorId,
-      "aria-label": anchor ? `${value}, ${anchor}` : String(value),
+      "aria-label": anchor ? `${number(value)}, ${anchor}` : number(value),
     });
     if (chosen === value) radio.checked = true;
     radio.addEventListener("change", () => {
@@ -148,7 +153,9 @@ function itemRow(instrument, item, chosen, onChange) {
       h(
         "div",
         { class: "points" },
-        radios.map((radio) => h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, radio.value))),
+        radios.map((radio) =>
+          h("label", { class: "point" }, radio, h("span", { "aria-hidden": "true" }, number(Number(radio.value)))),
+        ),
       ),
       h("span", { class: "anchor high", "aria-hidden": "true" }, item.high),
     ),
