@@ -8,6 +8,7 @@ import { eventLine } from "./event_line.js";
 import { BeliefBars, LineChart } from "./live_charts.js";
 import { PlaneView } from "./live_plane.js";
 import { Spectator } from "./live_spectator.js";
+import { REMARKS } from "./remarks.js";
 import { nameOf, taskWords } from "./sessions_table.js";
 
 /** @import { LiveReply, TickExplanation } from "../../tests/javascript/api.d.ts" */
@@ -16,8 +17,7 @@ import { nameOf, taskWords } from "./sessions_table.js";
 /** @import { Api, SessionEvent } from "./api.js" */
 /** @import { Command } from "./commands.js" */
 /** @import { Watched } from "./live_feed.js" */
-/** @typedef {{ title: string, text: string, field: string, confirm: string }} Saying what is asked when words belong to it */
-/** @typedef {{ kind: string, path: string, label: string, done: string, saying: Saying | null }} Remark */
+/** @import { Remark } from "./remarks.js" */
 /** @typedef {{ element: HTMLButtonElement, label: string, name: string }} Act */
 
 const KEPT_TICKS = 120;
@@ -47,53 +47,6 @@ const AXES = [
   ["left", "right"],
   ["up", "down"],
 ];
-/** @type {Remark[]} */
-const REMARKS = [
-  {
-    kind: "message",
-    path: "message",
-    label: "Send message",
-    done: "The message is on the participant's page.",
-    saying: {
-      title: "Message to the participant",
-      text: "It is shown on the participant's page until they put it away.",
-      field: "Message",
-      confirm: "Send",
-    },
-  },
-  {
-    kind: "task_marked",
-    path: "mark",
-    label: "Mark this task",
-    done: "The task is marked.",
-    saying: {
-      title: "Mark the task under way",
-      text: "The mark is kept in the record with the task and the tick.",
-      field: "What is special about it (kept in the lab, never exported)",
-      confirm: "Mark",
-    },
-  },
-  {
-    kind: "note",
-    path: "note",
-    label: "Write note",
-    done: "The note is kept.",
-    saying: {
-      title: "Note for the record",
-      text: "Notes are kept in the lab beside the session's events. An export says that there is one, not what it says.",
-      field: "Note",
-      confirm: "Keep note",
-    },
-  },
-  {
-    kind: "help_seen",
-    path: "help_seen",
-    label: "Help is given",
-    done: "The call for help is answered.",
-    saying: null,
-  },
-];
-
 export class SessionPage {
   /**
    * @param {object} wiring
