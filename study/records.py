@@ -38,6 +38,11 @@ def utc_text(unix_s: float) -> str:
     return text.replace("+00:00", "Z")
 
 
+def unix_s(utc: str) -> float:
+    """A time of day that `utc_text` wrote, in seconds since 1970."""
+    return datetime.fromisoformat(utc.replace("Z", "+00:00")).timestamp()
+
+
 def column(
     description: str,
     *,

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from app.clock import SteadyClock
 from app.config import LabConfig, Pace
 from app.errors import LabError
 from app.lab.resuming import cycle_under_way, resumed
@@ -371,6 +372,7 @@ class Lab:
         where = await self.store.run(lambda store: resumed(store, stored, distractor))
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
+        clock = SteadyClock(self._now_unix_s, not_before_unix_s=where.last_unix_s)
         services = LabServices(
             store=self.store,
             study=study,
@@ -378,9 +380,11 @@ class Lab:
             config=self.config,
             labels=setup.labels(),
             start_worker=self._start_worker,
-            make_spec=lambda kind, trial: self._worker_spec(enrolment, setup if can_run else None, kind, trial),
+            make_spec=lambda kind, trial: self._worker_spec(
+                enrolment, setup if can_run else None, kind, trial, clock.offset_s
+            ),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
-            now_unix_s=self._now_unix_s,
+            clock=clock,
             robot=self._robot,
             changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
@@ -420,7 +424,12 @@ class Lab:
         return self.link(await self.new_token(participant, "panel"), "panel")
 
     async def _worker_spec(
-        self, enrolment: Enrolment, setup: StudySetup | None, kind: Literal["practice", "trial"], trial: int
+        self,
+        enrolment: Enrolment,
+        setup: StudySetup | None,
+        kind: Literal["practice", "trial"],
+        trial: int,
+        clock_offset_s: float,
     ) -> WorkerSpec | None:
         """A worker that takes the phase up where the log ends; None without a set-up."""
         if setup is None:
@@ -436,6 +445,7 @@ class Lab:
             scene=self.config.scene and enrolment.pace == "real_time",
             heartbeat_timeout_s=setup.study.heartbeat_timeout_s,
             view=setup.study.view,
+            clock_offset_s=clock_offset_s,
         )
 
     def _start_worker(

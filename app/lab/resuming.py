@@ -12,7 +12,7 @@ from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import from_rows
 from study.flow.protocol import WorkerKind
-from study.records import OVERRUN_MS, EventRow
+from study.records import OVERRUN_MS, EventRow, unix_s
 from study.store import Store, StoredSession
 
 
@@ -27,6 +27,7 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
     calls = [row for row in events if row.kind in ("step_help", "help_seen")][-1:]
     words = with_words(calls, store.identities(participant)) if calls else []
     is_open = bool(calls) and calls[0].kind == "step_help"
+    times = [stored.created_utc, *(row.utc for row in events), *(row.started_utc for row in rows[-1:])]
     return Resumed(
         distractor=from_rows(distractor, stored.seed, alerts),
         tick=rows[-1].tick if rows else None,
@@ -35,6 +36,7 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
         sound=setups[-1].get("sound") if setups else None,
         help_wanted=HelpCall(words[0].get("text", ""), calls[0].utc) if is_open else None,
         events=events[-KEPT_EVENTS:],
+        last_unix_s=max(map(unix_s, filter(None, times))),
     )
 
 

@@ -60,6 +60,12 @@ class SessionContext:
         await self.services.store.run(lambda store: store.commit(batch))
         self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 
+    async def note_clock(self) -> None:
+        """An event where the computer's clock was set; the session's own goes on."""
+        by_s = self.services.clock.jump_s()
+        if by_s is not None:
+            await self.commit(Batch(events=(self.event("clock_set", "lab", {"by_s": round(by_s, 3)}),)))
+
     def alert_rows(self, numbers: Iterable[int]) -> tuple[AlertRow, ...]:
         """The rows of these alerts of the trial as they stand."""
         participant, trial, distractor = self.enrolment.participant, self.session.trial, self.running.distractor

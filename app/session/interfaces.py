@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
+from app.clock import SteadyClock
 from app.config import LabConfig, Pace
 from app.trial.labels import Labels
 from app.wire import Message
@@ -83,6 +84,8 @@ class Resumed:
     help_wanted: HelpCall | None = None
     events: tuple[EventRow, ...] = ()
     """The last ones."""
+    last_unix_s: float = 0.0
+    """The last time in the record."""
 
 
 @dataclass
@@ -122,13 +125,18 @@ class LabServices:
     """trial -> its row as it begins."""
     panel_link: Callable[[], Awaitable[str]]
     """A link for the second device."""
-    now_unix_s: Callable[[], float]
+    clock: SteadyClock
+    """The session's own: its times never go back."""
     robot: Mapping[str, str] = field(default_factory=dict)
     """Which robot runs the trials, for the record."""
     changed: Callable[[str], None] = lambda participant: None
     """Told whenever something about the session may have changed."""
     flow: Flow = FLOW
     """The participant's pages."""
+
+    def now_unix_s(self) -> float:
+        """The time by the session's clock."""
+        return self.clock.now_unix_s()
 
     def now_utc(self) -> str:
         """The time as it is recorded."""

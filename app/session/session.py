@@ -88,6 +88,7 @@ class LiveSession:
 
     async def open(self) -> None:
         """Bring back what a restart of the lab interrupted, and start dealing with the queue."""
+        await self._context.note_clock()
         await self._transitions.restore()
         self._task = asyncio.create_task(self._run(), name=f"session {self.enrolment.participant}")
 
@@ -188,6 +189,11 @@ class LiveSession:
         return self._context.running.trial_s if self._context.session.worker else None
 
     @property
+    def signals_per_s(self) -> float:
+        """How often the page told of the hands over the last seconds."""
+        return self._context.history.signals_per_s(self._services.now_unix_s())
+
+    @property
     def held(self) -> bool:
         """Whether the robot waits for the page's heartbeat."""
         return self._link.held
@@ -255,6 +261,7 @@ class LiveSession:
         while True:
             work = await self._queue.get()
             try:
+                await self._context.note_clock()
                 await handlers[work.kind](work)
                 if work.done is not None and not work.done.done():
                     work.done.set_result(None)

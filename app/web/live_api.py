@@ -110,7 +110,7 @@ class _Watch(BaseModel):
     """Whose session is open on the page; null for none."""
 
 
-def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: float) -> LiveReply:
+def live_reply(lab: Lab, stored: StoredSession, label: str | None) -> LiveReply:
     """What the dashboard shows of one session."""
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session
@@ -120,7 +120,7 @@ def live_reply(lab: Lab, stored: StoredSession, label: str | None, now_unix_s: f
     return LiveReply(
         **session_reply(lab, stored, label).model_dump(),
         trial_s=live.trial_s if live else None,
-        signals_per_s=live.history.signals_per_s(now_unix_s) if live else 0.0,
+        signals_per_s=live.signals_per_s if live else 0.0,
         driving_share=live.history.driving_share() if live else None,
         visible=live.vitals.visible if connected and live else None,
         focused=live.vitals.focused if connected and live else None,
@@ -223,10 +223,10 @@ class Stream:
         return set(self._known) | set(self._sent)
 
     async def _send_overview(self, participants: set[str], is_sign_of_life: bool) -> None:
-        lines, now_s = [], self._lab.now_unix_s()
+        lines = []
         for participant, known in self._known.items():
             if participant in participants:
-                text = live_reply(self._lab, known.stored, known.label, now_s).model_dump_json()
+                text = live_reply(self._lab, known.stored, known.label).model_dump_json()
                 if self._sent.get(participant) != text:
                     self._sent[participant] = text
                     lines.append(json.loads(text))

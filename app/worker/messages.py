@@ -35,6 +35,8 @@ class WorkerSpec:
     heartbeat_timeout_s: float
     view: ViewSettings = field(default_factory=ViewSettings)
     """What the scene shows of depth."""
+    clock_offset_s: float = 0.0
+    """What makes the session's time of the monotonic clock, which all processes of this machine share."""
 
 
 # ---- lab → worker -----------------------------------------------------------------------------------------------

@@ -190,7 +190,7 @@ class Worker:
     # ---- ticks --------------------------------------------------------------------------------------------------
 
     def _lockstep_tick(self) -> None:
-        started_unix_s = time.time()
+        started_unix_s = self._spec.clock_offset_s + time.monotonic()
         result = self._engine.tick(self._take_input(time.monotonic()))
         self._draw()
         told = self._engine.explain()
@@ -218,7 +218,7 @@ class Worker:
             self._connection.send(HoldChanged(True))
 
     def _real_time_tick(self, deadline: Deadline) -> None:
-        started_unix_s = time.time()
+        started_unix_s = self._spec.clock_offset_s + time.monotonic()
         self._tick_ends_s = deadline.due_s + TICK_S
         self._engine.begin(self._take_input(time.monotonic()))
         seq = self._latch.seq

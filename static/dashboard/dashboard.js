@@ -54,7 +54,8 @@ const signed = h(
   initials,
 );
 let timer = 0;
-let lastMs = 0;
+let lastMs = 0; // by a clock that is never set
+let lastAt = new Date();
 
 /**
  * @param {string} [problem] why the token was not taken
@@ -143,7 +144,8 @@ const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
  * @returns {void}
  */
 function drawn(sessions) {
-  lastMs = Date.now();
+  lastMs = performance.now();
+  lastAt = new Date();
   rows.update(sessions);
   calls.update(sessions);
   results.follow(sessions);
@@ -152,9 +154,9 @@ function drawn(sessions) {
 
 /** @returns {void} */
 function sayUpdated() {
-  const stale = Date.now() - lastMs > STALE_MS;
+  const stale = performance.now() - lastMs > STALE_MS;
   updated.classList.toggle("stale", stale);
-  const at = new Date(lastMs).toLocaleTimeString([], { hour12: false });
+  const at = lastAt.toLocaleTimeString([], { hour12: false });
   setText(updated, stale ? `Not up to date: last heard from the lab at ${at}` : `Updated ${at}`);
 }
 

@@ -17,6 +17,7 @@ export class Outbox {
     this.name = `${name}:outbox`;
     this.client = tab.get(`${name}:client`, randomHex(8));
     tab.set(`${name}:client`, this.client);
+    this.load = randomHex(4); // of this page: no clock, which may be set back
     this.counter = 0;
     /** @type {Kept[]} */
     this.memory = []; // what storage refused to keep
@@ -39,7 +40,7 @@ export class Outbox {
    */
   keep(message) {
     this.counter += 1;
-    const kept = /** @type {Kept} */ ({ ...message, id: `${this.client}.${Date.now().toString(36)}.${this.counter}` });
+    const kept = /** @type {Kept} */ ({ ...message, id: `${this.client}.${this.load}.${this.counter}` });
     const stored = this._stored();
     if (stored.length >= MAX_KEPT || !lasting.set(this.name, [...stored, kept])) this.memory.push(kept);
     return kept;

@@ -2,7 +2,7 @@
 
 What is measured comes from the events between the trial's first tick and its end: the page's round trips
 (`round_trip`), when it was hidden (`page_hidden`, `page_visible`), when it lost the focus (`focus_lost`) or the gamepad
-(`pad_unplugged`), and from the late ticks and the alerts of the trial.
+(`pad_unplugged`), that the computer's clock was set (`clock_set`), and from the late ticks and the alerts of the trial.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from datetime import datetime
 from typing import Literal
 
 from study.definition.sections import QualityRules
-from study.records import EventRow, TrialRow
+from study.records import EventRow, TrialRow, unix_s
 
 Verdict = Literal["good", "suspect"]
 
@@ -30,6 +29,10 @@ class Measured:
     focus_losses: int
     pad_losses: int
     unanswered_alerts: int
+    clock_set_s: tuple[float, ...] = ()
+    """By how much the computer's clock was set, each time; back is negative."""
+    lasted_s: float | None = None
+    """From start to end; below 0 where a clock was set back that the times came from."""
 
 
 def measure(
@@ -37,12 +40,13 @@ def measure(
 ) -> Measured:
     """What happened in a trial. `events` are the participant's in order; those outside the trial's time are left out,
     but a page that was hidden before its start counts as hidden from the start on."""
-    started, ended = _seconds(started_utc), _seconds(ended_utc)
+    started, ended = unix_s(started_utc), unix_s(ended_utc)
     trips: list[float] = []
+    clock_set_s: list[float] = []
     counted = {"focus_lost": 0, "pad_unplugged": 0}
     hidden_s, hidden_since = 0.0, None
     for event in events:
-        at = _seconds(event.utc)
+        at = unix_s(event.utc)
         if at > ended:
             continue
         if event.kind == "page_hidden" and hidden_since is None:
@@ -52,6 +56,8 @@ def measure(
             hidden_since = None
         elif at >= started and event.kind in counted:
             counted[event.kind] += 1
+        elif at >= started and event.kind == "clock_set":
+            clock_set_s.append(float(json.loads(event.data)["by_s"]))
         elif at >= started and event.kind == "round_trip":
             trips.append(float(json.loads(event.data)["ms"]))
     if hidden_since is not None:
@@ -64,11 +70,14 @@ def measure(
         focus_losses=counted["focus_lost"],
         pad_losses=counted["pad_unplugged"],
         unanswered_alerts=unanswered_alerts,
+        clock_set_s=tuple(clock_set_s),
+        lasted_s=ended - started,
     )
 
 
 def broken_rules(rules: QualityRules, measured: Measured, stimuli: str = "readings") -> tuple[str, ...]:
-    """One sentence for each rule the trial broke; none = the verdict is good. `stimuli` is what the study's second task
+    """One sentence for each rule the trial broke; none = the verdict is good. That a clock was set is one whatever the
+    study file says. `stimuli` is what the study's second task
     calls its own."""
     checks = (
         ("round trip (95th percentile)", measured.round_trip_ms, rules.max_round_trip_ms, "ms"),
@@ -78,11 +87,15 @@ def broken_rules(rules: QualityRules, measured: Measured, stimuli: str = "readin
         ("gamepad lost", measured.pad_losses, rules.max_pad_losses, "times"),
         (f"{stimuli} unanswered", measured.unanswered_alerts, rules.max_unanswered_alerts, ""),
     )
-    return tuple(
+    clock = [f"the computer's clock was set by {by_s:+.1f} s" for by_s in measured.clock_set_s]
+    if measured.lasted_s is not None and measured.lasted_s < 0.0:
+        clock.append(f"by its times it ended {-measured.lasted_s:.1f} s before it began")
+    broken = (
         f"{what}: {value:g} {unit}, at most {most:g} allowed".replace(" ,", ",")
         for what, value, most, unit in checks
         if value is not None and most is not None and value > most
     )
+    return (*broken, *clock)
 
 
 def verdict(broken: tuple[str, ...]) -> Verdict:
@@ -118,7 +131,3 @@ def judged(
         pad_losses=measured.pad_losses,
         unanswered_alerts=measured.unanswered_alerts,
     )
-
-
-def _seconds(utc: str) -> float:
-    return datetime.fromisoformat(utc.replace("Z", "+00:00")).timestamp()

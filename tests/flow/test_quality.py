@@ -40,7 +40,20 @@ def test_only_what_happened_in_the_trial_counts() -> None:
         *[at(22 + number / 10, "round_trip", ms=float(number)) for number in range(1, 21)],
         at(55, "pad_unplugged"),
     )
-    assert found == Measured(19.0, 0.0, 4, 1, 1, 1)
+    assert found == Measured(19.0, 0.0, 4, 1, 1, 1, lasted_s=40.0)
+
+
+def test_a_clock_that_was_set_makes_a_trial_suspect_whatever_the_rules_allow() -> None:
+    found = measured(at(5, "clock_set", by_s=9.0), at(20, "clock_set", by_s=-3600.0), at(21, "clock_set", by_s=1.5))
+    assert found.clock_set_s == (-3600.0, 1.5)
+    assert broken_rules(QualityRules(), found) == (
+        "the computer's clock was set by -3600.0 s",
+        "the computer's clock was set by +1.5 s",
+    )
+    row = trial_row("P001", started_utc="2026-01-01T01:00:00.000Z", finished_utc="2026-01-01T00:00:00.000Z")
+    told = judged(row, [], 0, QualityRules())
+    assert told.quality == "suspect"
+    assert json.loads(told.quality_broken or "") == ["by its times it ended 3600.0 s before it began"]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.session", "app.replication", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
-    ("app.wire", "app.config"),
+    ("app.wire", "app.config", "app.clock"),
     ("app.texts",),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed

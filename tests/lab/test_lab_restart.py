@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import select
 import signal
 import threading
+import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.simulated.bot import Bot, BotError, enter, open_wire
 from app.wire import Input, Message, Page, Status, Submit, Tick, WireDirection
-from study.records import TickRow
+from study.records import TickRow, unix_s
 from study.store import Batch, Store
 from tests.support.dashboard_client import dashboard
 from tests.support.lab_server import LabServer
@@ -309,7 +311,7 @@ class LocalPage:
 
 
 @contextlib.asynccontextmanager
-async def lab_in_here(folder: Path) -> AsyncIterator[Lab]:
+async def lab_in_here(folder: Path, wall_unix_s: Callable[[], float] = time.time) -> AsyncIterator[Lab]:
     lab = Lab(
         LabConfig(
             data_dir=folder / "data",
@@ -317,7 +319,8 @@ async def lab_in_here(folder: Path) -> AsyncIterator[Lab]:
             robot="kinematic",
             pace="lockstep",
             scene=False,
-        )
+        ),
+        now_unix_s=wall_unix_s,
     )
     lab.prepare()
     await lab.open()
@@ -349,23 +352,29 @@ async def test_who_waits_for_a_session_that_is_closed_is_told(tmp_path: Path, mo
             assert isinstance(answer, NotNow)
 
 
+async def in_first_trial(session: LiveSession) -> LocalPage:
+    """A page that has gone as far as the first trial, which runs."""
+    page = LocalPage(session)
+    consent = await page.until(Page, state="consent")
+    await page.submit("consent", accepted=True, hash=consent.content["hash"])
+    shown = await page.until(Page, state="demographics")
+    options = {item["id"]: item["options"][0]["id"] for item in shown.content["items"] if item["required"]}
+    await page.submit("demographics", answers=options)
+    await page.submit("setup", device="keyboard", sound=True)
+    await page.submit("instructions", answers=COMPREHENSION)
+    await page.until(Status, status="ready")
+    await page.submit("start")
+    await page.until(Status, status="running")
+    return page
+
+
 async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with lab_in_here(tmp_path) as lab:
         invitation = await lab.invite()
         holder = await lab.holder(invitation.participant_token)
         assert holder is not None
         session = await lab.session(holder[0])
-        page = LocalPage(session)
-        consent = await page.until(Page, state="consent")
-        await page.submit("consent", accepted=True, hash=consent.content["hash"])
-        shown = await page.until(Page, state="demographics")
-        options = {item["id"]: item["options"][0]["id"] for item in shown.content["items"] if item["required"]}
-        await page.submit("demographics", answers=options)
-        await page.submit("setup", device="keyboard", sound=True)
-        await page.submit("instructions", answers=COMPREHENSION)
-        await page.until(Status, status="ready")
-        await page.submit("start")
-        await page.until(Status, status="running")
+        page = await in_first_trial(session)
         for seq in range(1, 20):
             await page.tick(seq)
 
@@ -413,3 +422,79 @@ async def test_a_deserted_session_gives_its_worker_back_and_returns_where_it_was
         again = await lab.session(stored_session)
         assert again is not session
         assert (again.session.state, again.session.place) == ("paused", "consent")
+
+
+# ---- a computer whose clock is set
+
+
+class Wall:
+    """The computer's clock, which somebody sets."""
+
+    def __init__(self) -> None:
+        self.set_by_s = 0.0
+
+    def __call__(self) -> float:
+        return time.time() + self.set_by_s
+
+
+def clock_events(lab: Lab, participant: str) -> list[float]:
+    rows = lab.store.store.rows_of("events", participant)
+    return [json.loads(row.data)["by_s"] for row in rows if row.kind == "clock_set"]
+
+
+def in_order(lab: Lab, participant: str) -> bool:
+    """Whether no time in the record is before the one that was written before it."""
+    store = lab.store.store
+    for times in (
+        [row.utc for row in store.rows_of("events", participant)],
+        [row.started_utc for row in store.rows_of("ticks", participant)],
+    ):
+        if times != sorted(times) or not times:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("by_s", [-3600.0, -90_000.0, 3600.0])
+async def test_a_clock_that_is_set_in_a_trial_moves_no_time_and_is_told(tmp_path: Path, by_s: float) -> None:
+    wall = Wall()
+    async with lab_in_here(tmp_path, wall) as lab:
+        participant = (await lab.invite()).participant
+        session = await lab.session(await lab.stored_session(participant))
+        page = await in_first_trial(session)
+        for seq in range(1, 5):
+            await page.tick(seq)
+        assert clock_events(lab, participant) == []
+        wall.set_by_s = by_s
+        for seq in range(5, 9):
+            await page.tick(seq)
+        await lab.command(participant, Command("abort_trial", "x"), "AB")
+        (trial,) = lab.store.store.rows_of("trials", participant)
+        assert unix_s(trial.started_utc) <= unix_s(trial.finished_utc) < unix_s(trial.started_utc) + ENDS_WITHIN_S
+        assert trial.quality == "suspect"
+        assert f"the computer's clock was set by {by_s:+.1f} s" in json.loads(trial.quality_broken)
+        assert clock_events(lab, participant) == pytest.approx([by_s], abs=1.0)
+        assert in_order(lab, participant)
+
+
+async def test_a_lab_that_starts_again_before_its_last_word_goes_on_after_it(tmp_path: Path) -> None:
+    wall = Wall()
+    async with lab_in_here(tmp_path, wall) as lab:
+        participant = (await lab.invite()).participant
+        page = await in_first_trial(await lab.session(await lab.stored_session(participant)))
+        for seq in range(1, 5):
+            await page.tick(seq)
+    wall.set_by_s = -86_400.0
+    async with lab_in_here(tmp_path, wall) as lab:
+        session = await lab.session(await lab.stored_session(participant))
+        await lab.command(participant, Command("abort_trial", "x"), "AB")
+        assert session.session.place != "trial"
+        (trial,) = lab.store.store.rows_of("trials", participant)
+        assert unix_s(trial.started_utc) <= unix_s(trial.finished_utc)
+        assert trial.quality == "suspect"
+        assert clock_events(lab, participant) == pytest.approx([-86_400.0], abs=ENDS_WITHIN_S)
+        assert in_order(lab, participant)
+        # Who comes now has nothing in the record yet, and the time of the computer.
+        other = await lab.stored_session((await lab.invite()).participant)
+        await lab.session(other)
+        assert abs(unix_s(other.created_utc) - wall()) < ENDS_WITHIN_S
+        assert clock_events(lab, other.participant) == []

@@ -47,9 +47,6 @@ class SimulatedPipe:
     def monotonic(self) -> float:
         return self.now_s
 
-    def time(self) -> float:
-        return UNIX_S + self.now_s
-
     def poll(self, timeout_s: float) -> bool:
         if not self._coming:
             return True  # end of file

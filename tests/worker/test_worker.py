@@ -57,7 +57,8 @@ def spec(
     pickups: Any = PICKUPS,
     condition: str = "teleoperation",
 ) -> WorkerSpec:
-    return WorkerSpec(trial_setup(condition, pickups), start or CycleStart(), log, "kinematic", pace, False, TIMEOUT_S)
+    setup = trial_setup(condition, pickups)
+    return WorkerSpec(setup, start or CycleStart(), log, "kinematic", pace, False, TIMEOUT_S, clock_offset_s=UNIX_S)
 
 
 def log_of(results: list[TickResult]) -> tuple[tuple[UserInput, str], ...]:
