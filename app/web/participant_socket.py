@@ -69,6 +69,10 @@ class Places:
         self._limit = limit
         self._open: dict[str, int] = {}
 
+    def is_full(self, public_id: str) -> bool:
+        """Whether a session has no place left."""
+        return self._open.get(public_id, 0) >= self._limit
+
     @contextlib.contextmanager
     def take(self, public_id: str) -> Iterator[bool]:
         """A place for as long as the block runs; False when all are taken."""

@@ -268,6 +268,30 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
 
     places = sockets.Places(lab.config.max_sockets_per_session)
 
+    async def turned_away(request: Request, public_id: str, role: Role) -> Response:
+        """Why a page whose link is good is not let in: a browser is not told why its socket was refused."""
+        token = request.cookies.get(COOKIES[role]) or ""
+        if not token or await lab.place(token) != (public_id, role):
+            return JSONResponse({"why": "denied"}, 403)
+        why = "too_many" if places.is_full(public_id) else ""
+        holder = await lab.holder(token)
+        try:
+            if holder is not None:
+                await lab.session(holder[0])
+        except NoSuchParticipant:
+            return JSONResponse({"why": "denied"}, 403)
+        except StudyUnreadable:
+            why = "unusable"
+        return JSONResponse({"why": why}, headers={"Cache-Control": "no-store"})
+
+    @app.get("/s/{public_id}/why", include_in_schema=False)
+    async def why_not_participant(request: Request, public_id: str) -> Response:
+        return await turned_away(request, public_id, "participant")
+
+    @app.get("/s/{public_id}/panel/why", include_in_schema=False)
+    async def why_not_panel(request: Request, public_id: str) -> Response:
+        return await turned_away(request, public_id, "panel")
+
     async def converse(websocket: WebSocket, public_id: str, role: Role) -> None:
         session = await admitted(websocket, public_id, role)
         if session is None:

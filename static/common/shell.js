@@ -6,7 +6,7 @@ import { wordsProblem } from "./words_limit.js";
 
 /** @import { Child, IconName } from "./dom.js" */
 /** @import { Emitter } from "./emitter.js" */
-/** @typedef {"connecting" | "open" | "lost" | "superseded" | "denied" | "outdated" | "closed"} ConnectionState */
+/** @typedef {"connecting" | "open" | "lost" | "superseded" | "denied" | "outdated" | "unusable" | "too_many" | "closed"} ConnectionState */
 
 /** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
@@ -15,6 +15,8 @@ const CONNECTION = {
   lost: ["lost", t("Connection lost – trying again")],
   superseded: ["warning", t("Open in another tab")],
   denied: ["warning", t("Link not valid")],
+  unusable: ["warning", t("Cannot go on")],
+  too_many: ["warning", t("Open too often")],
   outdated: ["warning", t("Page out of date")],
   closed: ["hourglass", t("Connecting")],
 };

@@ -24,6 +24,8 @@ const CONNECTION = {
   lost: ["lost", t("Connection lost – trying again")],
   superseded: ["warning", t("Open on another device")],
   denied: ["warning", t("Link not valid")],
+  unusable: ["warning", t("Cannot go on")],
+  too_many: ["warning", t("Open too often")],
   outdated: ["warning", t("Page out of date")],
 };
 
@@ -167,7 +169,14 @@ socket.addEventListener("state", (event) => {
       socket.takeOver();
     });
     finish(t("The panel is open somewhere else"), words.elsewhere, again);
-  } else if (event.detail === "denied")
+  } else if (event.detail === "unusable")
+    finish(t("The study cannot go on at the moment"), t("The lab cannot run this session. Tell the experimenter."));
+  else if (event.detail === "too_many")
+    finish(
+      t("This page is open too often"),
+      t("Close the other tabs and devices that show it, then reload this page."),
+    );
+  else if (event.detail === "denied")
     finish(t("This link does not work any more"), t("Open the link for the second device once more."));
   else if (event.detail === "outdated") finish(t("This page is out of date"), t("Reload the page to go on."));
   refresh();

@@ -212,6 +212,21 @@ function final(state) {
       actions: [],
       testid: "page-denied",
     },
+    unusable: {
+      title: t("The study cannot go on at the moment"),
+      lines: [
+        t("The lab cannot run this session. Nothing you did is lost. Tell the person who gave you the link."),
+        t("When they have seen to it, reload this page."),
+      ],
+      actions: [reloadButton()],
+      testid: "page-unusable",
+    },
+    too_many: {
+      title: t("This page is open too often"),
+      lines: [t("Close the other tabs and devices that show it, then reload this page.")],
+      actions: [reloadButton()],
+      testid: "page-too-many",
+    },
     outdated: {
       title: t("This page is out of date"),
       lines: [t("The lab has been updated. Reload the page to go on; nothing is lost.")],

@@ -1,6 +1,6 @@
 // The page's side of the wire (protocol 1, see app/wire.py): hello, reconnect, resend, take-over, ping.
 //
-// States: connecting → open (the lab said welcome) → lost → connecting …; superseded, denied and outdated are final
+// States: connecting → open (the lab said welcome) → lost → connecting …; superseded, denied, outdated, unusable and too_many are final
 // until the person acts. Events: "state", one per message type ("page", "tick", …), and a cancelable "refused"
 // for the lab's typed errors.
 
@@ -20,7 +20,7 @@ export const PROTOCOL = 1;
 const FIRST_RETRY_MS = 400;
 const LAST_RETRY_MS = 8000;
 const RESEND_MS = 4000;
-const FINAL = new Set(["superseded", "denied", "outdated", "closed"]);
+const FINAL = new Set(["superseded", "denied", "outdated", "unusable", "too_many", "closed"]);
 
 /** @extends {Emitter<LabEvents>} */
 export class LabSocket extends Emitter {
@@ -214,7 +214,10 @@ export class LabSocket extends Emitter {
   async _askWhy() {
     try {
       const answer = await fetch(location.pathname, { method: "GET", cache: "no-store" });
-      if ((answer.status === 401 || answer.status === 403) && !this.open) this._end("denied");
+      if ((answer.status === 401 || answer.status === 403) && !this.open) return this._end("denied");
+      const told = await fetch(new URL("why", location.href), { cache: "no-store" });
+      const why = told.ok ? (await told.json()).why : "";
+      if ((why === "unusable" || why === "too_many") && !this.open) this._end(why);
     } catch {
       // the lab is not reachable: keep trying
     }

@@ -286,3 +286,24 @@ def test_a_study_without_a_second_device_gives_out_no_link_of_one(page: Page, qu
     page.get_by_test_id("create-participant").click()
     page.get_by_test_id("participant-link").wait_for()
     assert page.get_by_test_id("second-device-link").count() == 0
+
+
+# --- turned away ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("why", "shown"), [("unusable", "page-unusable"), ("too_many", "page-too-many")])
+def test_whoever_is_not_let_in_reads_why(page: Page, lab: FakeLab, why: str, shown: str) -> None:
+    lab.accepts = False
+    page.context.route("**/s/test/why", lambda route: route.fulfill(json={"why": why}))
+    page.goto(lab.participant_url)
+    visible(page, shown)
+    assert page.get_by_role("button", name="Reload the page").is_visible()
+
+
+def test_whoever_is_erased_while_they_look_reads_that_their_link_is_over(page: Page, quick_lab: LabServer) -> None:
+    made = invite(quick_lab)
+    page.goto(made["link"])
+    visible(page, "page-consent")
+    participant = made["participant"]
+    assert asked(quick_lab, "POST", f"participants/{participant}/erase", {"confirm": participant}).status_code == 200
+    visible(page, "page-denied")

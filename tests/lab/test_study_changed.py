@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import httpx
 import pytest
 
 from app.simulated.bot import BotError
@@ -100,6 +101,14 @@ async def test_a_study_that_this_version_cannot_read_hurts_nobody_else(launch: C
     with pytest.raises(BotError, match="403"):
         async with visit(lab.base_url + urlsplit(before["link"]).path):
             raise AssertionError("was let in")
+    async with httpx.AsyncClient(trust_env=False, follow_redirects=True) as browser:
+        page = await browser.get(lab.base_url + urlsplit(before["link"]).path)
+        told = await browser.get(f"{page.url}why")
+        assert (page.status_code, told.json()) == (200, {"why": "unusable"}), (
+            "its page must not say Connecting for ever"
+        )
+        stranger = await httpx.AsyncClient(trust_env=False).get(f"{page.url}why")
+        assert stranger.status_code == 403
     async with visit(lab.base_url + urlsplit(after["link"]).path) as player:
         await player.reach_trial()
     assert "Traceback" not in lab.log()
