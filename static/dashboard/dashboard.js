@@ -270,7 +270,7 @@ function createCard() {
     h(
       "p",
       { class: "hint" },
-      "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never.",
+      "A link is shown only once, here. Pilots and demos use no counterbalancing slot; an export holds pilots when asked for, demos never. The demo link that the lab prints at its start makes its demo when it is first opened.",
     ),
     links,
   );

@@ -283,6 +283,7 @@ def test_a_study_without_a_second_device_gives_out_no_link_of_one(page: Page, qu
     page.goto(made["panel_link"])
     page.get_by_text("This study has no second device").wait_for()
     page.goto(quick_lab.experimenter_link)
+    page.get_by_text("makes its demo when it is first opened").wait_for()  # until then the roster counts none
     page.get_by_test_id("create-participant").click()
     page.get_by_test_id("participant-link").wait_for()
     assert page.get_by_test_id("second-device-link").count() == 0
