@@ -84,7 +84,7 @@ def notice(
             return words.t("Well done: the {object} is in the bin.", object=before.object_label or "")
         return words.t("Well done.") if before.kind == "practice" else None
     said = words.t(FAILURES[ended.reason or ""], object=words.t(labels.objects[before.object]))
-    return f"{said} {words.t('Please try once more.')}" if again else said
+    return " ".join((said, words.t("Please try once more."))) if again else said
 
 
 def tick_message(

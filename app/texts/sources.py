@@ -75,7 +75,8 @@ def marked(language: str, path: Path) -> Iterator[Text]:
     from babel.messages.extract import extract_from_file
 
     where = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-    for line, message, _, context in extract_from_file(language, path, keywords=KEYWORDS):
+    how = {"parse_template_string": True} if language == "javascript" else {}
+    for line, message, _, context in extract_from_file(language, path, keywords=KEYWORDS, options=how):
         one, many = message if isinstance(message, tuple) else (message, None)
         yield Text(one, many, context, (f"{where}:{line}",))
 

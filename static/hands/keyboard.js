@@ -38,7 +38,7 @@ const BY_KEY = { " ": "Space", arrowup: "ArrowUp", arrowdown: "ArrowDown", arrow
 for (const code of ["ArrowRight", "PageUp", "PageDown", "Enter"]) BY_KEY[code.toLowerCase()] = code;
 
 /** While one of these keys is down, or a menu or another window is in front, a release may never be heard of. */
-const TAKES_KEYS = new Set([t("Meta"), "OS", t("Alt"), "AltGraph", "ContextMenu"]);
+const TAKES_KEYS = new Set(["Meta", "OS", "Alt", "AltGraph", "ContextMenu"]);
 const LETS_GO = [
   "blur",
   "pagehide",
@@ -139,7 +139,7 @@ export class Keyboard extends Emitter {
    * @returns {string}
    */
   _placeOf({ code, key }) {
-    if (code && code !== t("Unidentified")) return code;
+    if (code && code !== "Unidentified") return code;
     return BY_KEY[key.toLowerCase()] ?? this.labels.placeOf(key) ?? "";
   }
 
@@ -151,7 +151,7 @@ export class Keyboard extends Emitter {
       return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
     const code = this._placeOf(event);
-    if (code === "" && (event.key === t("Unidentified") || event.key === t("Process"))) this.emit("unknown");
+    if (code === "" && (event.key === "Unidentified" || event.key === "Process")) this.emit("unknown");
     const gripper = GRIPPER[code];
     const isLate = event.timeStamp - this._typedMs < TYPING_MS;
     if (gripper) {

@@ -6,6 +6,7 @@ addresses) is known by where it stands.
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 
@@ -27,7 +28,7 @@ NO_WORDS = {
 WORDS = re.compile(r"[A-Za-zÀ-ž]+[,.:;!?…]? [A-Za-zÀ-ž]|[A-Z][a-z]{2,}|[a-z]{2,}[.!?…]$")
 """Two words, a capital letter at the beginning of one, or a full stop."""
 CODE = re.compile(
-    r"^(?:[A-Z][a-z]+[A-Z]\w*|Arrow\w+|Page(?:Up|Down)|Key\w?|Digit.*|Numpad\w*|Enter|Space|Escape|Tab|Shift|Control|Meta|Alt|AltGraph|ContextMenu)$"
+    r"^(?:[A-Z][a-z]+[A-Z]\w*|Arrow\w+|Page(?:Up|Down)|Key\w?|Digit.*|Numpad\w*|Enter|Space|Escape|Tab|Shift|Control|Meta|Alt|AltGraph|ContextMenu|Process|Unidentified|Dead)$"
     r"|^[MmLlHhVvCcQqAaZz0-9 .,-]+$"
     r"|^(?:https?|wss?|blob|data):|^\.*/\S*$"
     r"|^Content-Type$|^Shared Autonomy Lab$"
@@ -40,6 +41,20 @@ def untranslated(source: str) -> list[tuple[int, str]]:
     and is no literal: nothing could read it from there."""
     tree = Parser(Language(tree_sitter_javascript.language())).parse(source.encode())
     return sorted(_untranslated(tree.root_node))
+
+
+def keys_in(source: str) -> Iterator[tuple[int, str]]:
+    """(line, key) of every text that a module marks."""
+    tree = Parser(Language(tree_sitter_javascript.language())).parse(source.encode())
+    nodes = [tree.root_node]
+    while nodes:
+        node = nodes.pop()
+        nodes += node.named_children
+        if node.type == "call_expression" and _called(node) in TRANSLATED:
+            literal = [ast.literal_eval(_text(one)) for one in _arguments(node) if one.type == "string"]
+            if literal:
+                key = "\x04".join(literal[:2]) if _called(node) == "tc" else literal[0]
+                yield node.start_point[0] + 1, key
 
 
 def _untranslated(node: Node) -> Iterator[tuple[int, str]]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from app.texts.sources import DOCUMENTS, ROOT, marked, scripts, texts
+from app.texts.translating import gaps, template
+from study.language.catalogue import read, shipped, shipped_text
 from study.language.words import PLACEHOLDER
-from tests.texts.literals import untranslated
+from tests.texts.literals import keys_in, untranslated
 
 
 @pytest.mark.parametrize("path", scripts(), ids=lambda path: str(path.relative_to(ROOT / "static")))
@@ -79,6 +82,42 @@ def test_texts_are_read_from_all_kinds_of_sources(tmp_path: Path) -> None:
         ('a"b', None, None),
         ("one", "{n} of {all}", None),
     ]
+
+
+def test_every_marked_text_is_found() -> None:
+    """Where it stands in a template or an f-string too, which tools may pass over."""
+    known = set(texts())
+    for path in scripts():
+        for line, key in keys_in(path.read_text(encoding="utf-8")):
+            assert key in known, f"{path.relative_to(ROOT)}:{line}: {key!r} is marked, and no tool finds it there"
+    for folder in ("app", "study"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+                    called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+                    if called in ("t", "tn", "phrase"):
+                        where = f"{path.relative_to(ROOT)}:{node.lineno}"
+                        assert node.args[0].value in known, f"{where}: {node.args[0].value!r} is found by no tool"
+
+
+@pytest.mark.parametrize("tag", shipped())
+def test_the_translations_that_ship_are_complete(tag: str) -> None:
+    name, text = shipped_text(tag)
+    found = read(text, name)
+    lacks = gaps(found)
+    assert not found.mistakes
+    missing = "\n".join(f"{text.places[0]}: {text.one!r}" for text in lacks.missing)
+    assert not missing, f"study/language/catalogues/{tag}.po lacks texts (salab texts adds the entries):\n{missing}"
+    assert not lacks.unused, f"study/language/catalogues/{tag}.po has texts that nothing shows: {lacks.unused}"
+    assert found.reviewed == "", "whoever reviews a translation says so here too"
+
+
+def test_a_template_keeps_what_is_translated_and_adds_the_rest() -> None:
+    before = read(shipped_text("de")[1], "de")
+    again = read(template("de"), "de")
+    assert (again.texts, again.plurals) == (before.texts, before.plurals)
+    french = read(template("fr"), "fr")
+    assert french.texts == {} and french.mistakes == () and set(french.lines) == set(texts())
 
 
 def test_placeholders_are_spelled_as_both_sides_read_them() -> None:
