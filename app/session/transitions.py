@@ -25,7 +25,7 @@ from app.worker.messages import (
     Ticked,
     WorkerReport,
 )
-from study.flow.distractors.state import DistractorState, stimuli_of
+from study.flow.distractors.state import of_practice, stimuli_of
 from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
 from study.records import StudyError, TrialRow, utc_text
@@ -116,8 +116,8 @@ class Transitions:
         for effect in effects:
             if isinstance(effect, StartWorker):
                 if effect.kind == "practice":
-                    distractor = self._context.services.distractor
-                    self._context.running.distractor = DistractorState(distractor, practice=True)
+                    services = self._context.services
+                    self._context.running.distractor = of_practice(services.distractor, services.study)
                 await link.start(effect.kind, effect.trial)
             elif isinstance(effect, StopWorker):
                 await self._context.forget_running_trial()

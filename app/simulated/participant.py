@@ -25,7 +25,7 @@ from app.trial.setup import StudySetup
 from app.trial.values import TickResult, TrialView, UserInput
 from sim.interface import TICK_S, Robot, Vector3
 from study.definition.study import SessionPlan, TrialPlan, plan_session
-from study.flow.distractors.state import DistractorState, stimuli_of
+from study.flow.distractors.state import DistractorState, of_practice, stimuli_of
 from study.flow.flow import FLOW, Flow
 from study.flow.page import FlowPage, PageContext, StepContext
 from study.flow.protocol import Event, Session
@@ -279,7 +279,9 @@ class _Sitting:
             stream(run.case.seed, self.kind, trial),
             self.trial_setup.timing.speed_m_s * TICK_S,
         )
-        self.distractor = DistractorState(setup.distractor, practice=self.kind == "practice")
+        self.distractor = (
+            of_practice(setup.distractor, setup.study) if self.kind == "practice" else DistractorState(setup.distractor)
+        )
         self.errands: dict[int, _Errand] = {}
 
     def run(self) -> None:

@@ -94,7 +94,8 @@ class StudySetup:
         cycles: tuple[CycleSetup, ...]
         if kind == "practice":
             # Sideways, and into a bin, as in a trial; the bins take turns.
-            into = self.study.bins[(trial - 1) % len(self.study.bins)]
+            as_rounds = self.study.practice_task == "round"
+            into = self.study.bins[(trial - 1) % len(self.study.bins)] if as_rounds else None
             cycles = (CycleSetup(practice_scene(self.layout), self.layout.practice_object.id, into),)
         else:
             done: set[str] = set()

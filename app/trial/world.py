@@ -85,7 +85,7 @@ def robot_layout(using: LayoutInUse) -> Layout:
         name=layout.id,
         table=Table(layout.table.center_m, layout.table.size_m),
         places=layout.places_m,
-        practice_place=layout.practice_place_m,
+        practice_place=using.practice_place_m,
         bins=tuple(
             Bin(
                 id=item.id,

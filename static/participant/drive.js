@@ -29,6 +29,7 @@ import { view as pausedView } from "./views/paused.js";
  * @property {CameraView[]} views
  * @property {boolean} [inset] the second picture, from the side; left out: none
  * @property {Instruction | null} instruction
+ * @property {"table" | "round"} [practice_task] what practice asks for; left out: what the rounds ask for
  * @property {number} tasks
  * @property {boolean} ready
  * @property {string | null} [panel_link] of the second device, where the study has one
@@ -38,6 +39,10 @@ import { view as pausedView } from "./views/paused.js";
 /** @typedef {PageOf<Driving & { can_resume: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
 const GRIPPER = { open: t("Gripper open"), closed: t("Gripper closed"), moving: t("Gripper moving") };
+const PRACTICE_ON_TABLE = [
+  t("Pick up the block, move it and put it down again."),
+  t("Take your time; this part does not count."),
+].join(" ");
 
 /** @implements {View} */
 export class DriveView {
@@ -235,12 +240,14 @@ export class DriveView {
   }
 
   /** @param {DrivingPage} page */
-  _startCard({ state, trial, trials }) {
+  _startCard({ state, trial, trials, content }) {
     const practice = state === "practice_ready";
     const round = { trial: trial ?? 0, trials };
     const title = practice ? t("Practice first") : t("Round {trial} of {trials}", round);
     const text = practice
-      ? wordsFor(this.socket.welcome).practice
+      ? content.practice_task === "table"
+        ? PRACTICE_ON_TABLE
+        : wordsFor(this.socket.welcome).practice
       : t("The robot is in place. When you press Start, the round begins.");
     this.panel?.close();
     // The readings of a round appear on the second device: nobody starts while it is missing.

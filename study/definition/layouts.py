@@ -27,6 +27,7 @@ from study.definition.toml_reader import FieldPath, Problem, StudyFileError, mod
 
 HERE = Path(__file__).parent
 PRACTICE_OBJECT = "practice_block"
+PRACTICE_AHEAD_M, PRACTICE_ASIDE_M = (0.82, 0.0), (0.80, 0.20)
 MOST_MESH_BYTES = 1_000_000
 STEEL = "#969ea6"
 FRICTION = 0.65
@@ -159,8 +160,8 @@ class LayoutFile(Part):
 
     places_m: Annotated[tuple[PointXY, ...], Field(min_length=1, max_length=40)]
     """Where objects may stand on the table, x and y of each; any object on any of them."""
-    practice_place_m: PointXY = (0.80, 0.20)
-    """Where the practice object stands."""
+    practice_place_m: PointXY | None = None
+    """Where the practice object stands; left out = ahead of the arm, or to the side with `practice_task = "round"`."""
     aisle_x_m: float = number(default=0.67, ge=0.0, le=2.0)
     """Where an object is carried sideways, in front of all that stands."""
     start_m: PointXYZ = (0.70, 0.0, 0.88)
@@ -205,6 +206,13 @@ class LayoutInUse:
     meshes: Mapping[str, str] = field(default_factory=dict)
     """Text of each mesh file, by name."""
     practice_object: LayoutObject = field(default_factory=lambda: practice_object())
+    practised_aside: bool = False
+    """Whether practice asks for a way to the side, as the rounds do."""
+
+    @property
+    def practice_place_m(self) -> tuple[float, float]:
+        """Where the practice object stands, x and y."""
+        return self.layout.practice_place_m or (PRACTICE_ASIDE_M if self.practised_aside else PRACTICE_AHEAD_M)
 
 
 WorldCheck = Callable[[LayoutInUse], Iterable[Problem]]
@@ -274,7 +282,7 @@ def in_use(data: Mapping[str, Any]) -> LayoutInUse | None:
     chosen = [item for item in names if isinstance(item, str) and item in known] if isinstance(names, list) else []
     meshes = {str(item.get("file")): str(item.get("text")) for _, item in tables(data.get("meshes"))}
     objects = tuple(known[item] for item in dict.fromkeys(chosen)) or tuple(shipped_objects().values())
-    return LayoutInUse(layout, objects, meshes)
+    return LayoutInUse(layout, objects, meshes, practised_aside=data.get("practice_task") == "round")
 
 
 def known_to(layout: LayoutSection) -> dict[str, LayoutObject]:

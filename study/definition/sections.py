@@ -180,11 +180,12 @@ class RobotSettings(Part):
 
 class ViewSettings(Part):
     """What helps the participant to see depth. Each is the same under every condition, and does not depend on what the
-    robot believes. A study of depth itself may do without."""
+    robot believes. A study of depth itself may do without. A file that says nothing means what it meant before there
+    were the inset and the ring."""
 
-    inset: Flag = True
+    inset: Flag = False
     """Whether the side panel shows a second picture, from the side, that goes where the gripper goes."""
-    ring: Flag = True
+    ring: Flag = False
     """Whether a ring lies around the instructed object, or on the instructed bin."""
     drop_mark: Flag = True
     """Whether a line goes down from the gripper, to a mark on what is below it."""

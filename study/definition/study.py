@@ -117,6 +117,10 @@ class Study(Part):
     show_assistance: Flag = False
     """Whether the participant is told who is driving; the paper gave no cue."""
     practice: Flag = True
+    practice_task: Literal["table", "round"] = "table"
+    """`round`: practice asks for what the rounds ask for: the block stands to the side and goes into a bin, and one
+    reading comes meanwhile. `table`: the block stands ahead of the arm, is put down elsewhere on the table, and no
+    reading comes."""
     heartbeat_timeout_s: float = number(default=TICK_S, ge=0.3, le=30.0)
     """No tick starts when the page was last heard of longer ago: the default is one tick, so that silence is never
     taken for hands off."""
@@ -186,9 +190,9 @@ class Study(Part):
         """The layout with the study's objects."""
         layout = self.own_layout or shipped_layouts()[self.layout]
         known = known_to(layout)
-        return LayoutInUse(
-            layout, tuple(known[name] for name in self.objects), {mesh.file: mesh.text for mesh in self.meshes}
-        )
+        objects = tuple(known[name] for name in self.objects)
+        meshes = {mesh.file: mesh.text for mesh in self.meshes}
+        return LayoutInUse(layout, objects, meshes, practised_aside=self.practice_task == "round")
 
     @property
     def tasks_per_trial(self) -> int:

@@ -25,7 +25,7 @@ def expected_minutes(study: Study) -> float:
         trial_s /= max(0.1, 1.0 - away_s / distractor.every_s)
     questions = sum(len(form.items) for form in study.instruments)
     once = len(study.demographics) + len(study.instructions.questions) + 3 * len(study.texts.debrief_questions)
-    practice_s = object_s + away_s if study.practice else 0.0
+    practice_s = object_s + (away_s if study.practice_task == "round" else 0.0) if study.practice else 0.0
     each_s = trial_s + BETWEEN_TRIALS_S + FORM_ITEM_S * questions + practice_s
     return (FORMS_S + FORM_ITEM_S * once + len(study.conditions) * each_s) / 60.0
 

@@ -97,12 +97,15 @@ ONES_OWN = "required = false"  # of one question, not of the study
 @pytest.mark.parametrize("line", [line for line in SETTINGS if SOURCE.count(line) == 1 and line != ONES_OWN])
 def test_a_setting_that_is_left_out_has_the_value_shown_or_must_be_there(line: str, study: Study) -> None:
     name = line.split(" = ")[0]
+    younger = re.search(r" \[(.+)\]$", line)  # in brackets: what it means where it is left out
+    expected = parse(SOURCE.replace(line, f"{name} = {younger[1]}")) if younger else study
     found: object = ()
     try:
         found = said_in_full(parse(SOURCE.replace(line + "\n", "")))
     except StudyFileError as error:
         found = [problem for problem in error.problems if f"{name}: missing" in problem]
-    assert found and (isinstance(found, list) or found == said_in_full(study))
+    assert found and (isinstance(found, list) or found == said_in_full(expected))
+    assert younger is None or said_in_full(expected) != said_in_full(study), "in brackets stands what is shown"
 
 
 def test_every_demographic_question_can_be_declined(study: Study) -> None:

@@ -73,16 +73,16 @@ def test_the_direction_is_the_languages_unless_the_file_says_otherwise(
 @pytest.mark.parametrize(
     ("keys", "own", "problem"),
     [
-        ('language = "xx"\n', None, 'study.toml:9: language = "xx": not known; give a tag such as de, ar or pt-BR'),
-        ('language = "German"\n', None, 'study.toml:9: language = "German": '),
-        ('language = "fr"\n', None, 'study.toml:9: language = "fr": no translation into it ships with the lab'),
-        ('dir = "up"\n', None, 'study.toml:9: dir = "up": '),
+        ('language = "xx"\n', None, 'study.toml:10: language = "xx": not known; give a tag such as de, ar or pt-BR'),
+        ('language = "German"\n', None, 'study.toml:10: language = "German": '),
+        ('language = "fr"\n', None, 'study.toml:10: language = "fr": no translation into it ships with the lab'),
+        ('dir = "up"\n', None, 'study.toml:10: dir = "up": '),
         (
             'language = "de"\ntranslation = "gone.po"\n',
             None,
-            'study.toml:10: translation = "gone.po": no such file beside this one; salab texts --language de',
+            'study.toml:11: translation = "gone.po": no such file beside this one; salab texts --language de',
         ),
-        ('translation = "../own.po"\n', OWN, 'study.toml:9: translation = "../own.po": '),
+        ('translation = "../own.po"\n', OWN, 'study.toml:10: translation = "../own.po": '),
         ('language = "fr"\ntranslation = "own.po"\n', OWN, "own.po:1: its header says Language: de, and the study"),
         (
             'language = "de"\ntranslation = "own.po"\n',

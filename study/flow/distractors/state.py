@@ -19,6 +19,7 @@ from functools import cached_property
 from typing import Any, Literal, cast
 
 from study.definition.sections import DistractorSettings
+from study.definition.study import Study
 from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS, Distractor, Stimulus
 from study.records import AlertRow, StudyError
 
@@ -223,6 +224,11 @@ class DistractorState:
     def _with(self, alert: AlertState) -> DistractorState:
         position = alert.alert - 1
         return replace(self, alerts=(*self.alerts[:position], alert, *self.alerts[position + 1 :]))
+
+
+def of_practice(distractor: Distractor[Any], study: Study) -> DistractorState:
+    """The state before the first tick of a practice: nothing will come where the study practises without a reading."""
+    return DistractorState(distractor, practice=True, is_over=study.practice_task == "table")
 
 
 def from_rows(distractor: Distractor[Any], seed: int, rows: Iterable[AlertRow]) -> DistractorState:

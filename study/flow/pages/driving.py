@@ -24,6 +24,7 @@ def content(session: Session, context: PageContext) -> Content:
         "scene": context.scene_path,
         "views": [{"name": name, "label": label} for name, label in context.views],
         "inset": context.study.view.inset,
+        "practice_task": context.study.practice_task,
         "instruction": context.instruction,
         "tasks": PRACTICE_TASKS if session.place in ("practice_ready", "practice") else context.study.tasks_per_trial,
         "running": session.is_ticking,
