@@ -193,7 +193,7 @@ def test_every_problem_is_listed_at_once() -> None:
         ({"table": Table((0.90, 0.0, 0.74), (0.40, 1.16, 0.04))}, "table: its top is 0.76 m high; the palm clears one"),
         ({"table": Table((0.60, 0.0, 0.71), (0.80, 1.16, 0.04))}, "table: it begins at x 0.2 m; the robot's base"),
         ({"start_world_m": (2.0, 0.0, 0.9)}, "start_world_m: out of the arm's reach: edge of the workspace"),
-        ({"start_world_m": (0.82, 0.0, 0.88)}, "(0.82, 0.0, 0.88) m stands in an object on the practice place"),
+        ({"start_world_m": (0.82, 0.0, 0.88)}, "(0.82, 0, 0.88) m stands in an object on the practice place"),
         ({"aisle_x_m": 0.50}, "aisle_x_m: the aisle at x 0.5 m, z 0.89, 0.90, 0.91 m leaves the reach"),
         ({"places": ((0.78, 0.1), (0.90, 0.0))}, "place 1 and place 2 are 0.156 m apart"),
         (

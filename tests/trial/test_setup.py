@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,10 @@ from app.autonomy.interface import Models
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.trial.values import RobotTiming
+from app.trial.world import layout_of
 from study.definition.study import Study, parse_study, plan_session
+from study.flow.distractors.interface import Stimulus
+from study.flow.distractors.state import of_practice
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import paper_study
 from tests.support.shipped_world import PRACTICE_OBJECT
@@ -126,3 +130,15 @@ def test_a_trial_s_row_says_how_it_was_laid_out() -> None:
     assert tuple(json.loads(row.placement)) == PLAN.trial(2).placement
     assert json.loads(row.parameters) == json.loads(json.dumps(paper_study().parameters_json("teleoperation")))
     assert (row.outcome, row.ticks, row.started_utc) == ("running", 0, None)
+
+
+def test_a_study_file_of_before_goes_on_meaning_what_it_did() -> None:
+    text = shipped_study().source_text
+    for younger in re.findall(r"^.* \[(?:false|\"table\")\]$", text, flags=re.MULTILINE):
+        text = text.replace(f"{younger}\n", "")
+    study = parse_study(text)
+    setup = replace(paper_study(), study=study, layout=layout_of(study))
+    (cycle,) = setup.trial_setup("p01", PLAN, 1, "practice").cycles
+    assert (cycle.bin, cycle.scene.objects[0].base_world_m[:2]) == (None, (0.82, 0.0))
+    assert of_practice(setup.distractor, study).advance(600.0, lambda _: Stimulus("1"))[1] == ()
+    assert (study.view.inset, study.view.ring, study.view.drop_mark) == (False, False, True)
