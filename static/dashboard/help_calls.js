@@ -20,7 +20,7 @@ export class HelpCalls {
     /** @type {Map<string, string>} */
     this.calling = new Map(); // participant to when they called
     this.timer = 0;
-    this.list = h("ul", { class: "help-calls", role: "alert", data: { testid: "help-calls" } });
+    this.list = h("ul", { class: "help-calls", data: { testid: "help-calls" } });
     this.mute = h(
       "button",
       { type: "button", class: "secondary small", hidden: true, data: { testid: "help-sound" } },
@@ -29,7 +29,7 @@ export class HelpCalls {
     );
     this.mute.addEventListener("click", () => this.sound.unlock());
     this.sound.addEventListener("state", () => this._silent());
-    this.element = h("div", { class: "help-place" }, this.list, this.mute);
+    this.element = h("div", { class: "help-place" }, h("div", { role: "alert" }, this.list), this.mute);
   }
 
   /**

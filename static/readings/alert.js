@@ -75,6 +75,7 @@ export class AlertView extends Emitter {
       this.prompt,
       this.buttons,
     );
+    this.title = h("h1", { class: "visually-hidden" }); // what it covers has one that nobody reaches
     this.fresh = h("span", {});
     this.clock = h("p", { class: "countdown", data: { testid: "alert-countdown" } });
     this.bar = h("div", { class: "bar-fill" });
@@ -96,6 +97,7 @@ export class AlertView extends Emitter {
       h(
         "div",
         { class: "alert-card" },
+        this.title,
         h("p", { class: "alert-kicker" }, icon("sound"), this.fresh),
         this.reading,
         this.form,
@@ -152,6 +154,7 @@ export class AlertView extends Emitter {
     const words = wordsFor(this.socket.welcome);
     this.words = words;
     this.element.setAttribute("aria-label", words.title);
+    setText(this.title, words.title);
     setText(this.fresh, words.fresh);
     setText(this.button, words.submit);
     setText(this.label, words.prompt);
