@@ -104,6 +104,10 @@ class ParticipantRow:
         json="array",
         default=None,
     )
+    language: str = column(
+        "Language of the study, as a tag such as en, de or ar; questionnaires.json says which are asked in another",
+        default="en",
+    )
 
 
 @dataclass(frozen=True)

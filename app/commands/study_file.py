@@ -14,6 +14,7 @@ import typer
 from app.commands import options
 from app.commands.groups import STUDY_FILE
 from app.commands.options import choice
+from app.commands.participant_texts import notes_on_texts
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
 
@@ -99,6 +100,8 @@ def check(
         print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
         return 1
     print(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    for line in notes_on_texts(study, file):
+        print(line)
     held = held_codes(file)
     for code in study.codes:
         print(code_line(code, trust, file.parent, code in held))

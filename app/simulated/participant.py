@@ -242,6 +242,7 @@ class _Run:
             consent_hash=consent_hash,
             finished_utc=self.utc,
             schema_version=SCHEMA_VERSION,
+            language=self.case.setup.study.language,
         )
 
 

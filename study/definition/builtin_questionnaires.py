@@ -40,6 +40,8 @@ class Instrument:
     items: tuple[Item, ...]
     points: int = POINTS
     method: Literal["mean", "sum"] = "mean"
+    language: str = "en"
+    """Of its words; empty = the study's."""
 
     @property
     def score_range(self) -> tuple[int, int]:

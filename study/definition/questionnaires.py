@@ -3,7 +3,8 @@
 A name in `surveys` that is not built in stands for a questionnaire of the study's own: a file `NAME.toml` beside the
 study file, a table `[[questionnaires]]` in it, or what an installed package brings (`packaged_questionnaires`). A file
 is copied into the study's text when the study is loaded, so that the text and its hash hold everything: stored,
-exported and run again, a study needs no other file.
+exported and run again, a study needs no other file. In a study that is not in English, a file with a built-in one's
+name holds its words in a validated translation: the same items, recorded and scored as ever.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, Item
+from study.definition.builtin_questionnaires import INSTRUMENTS, POINTS, Instrument, Item
 from study.definition.field_types import Flag, Identifier, Part, Text, number
 from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report
+from study.definition.translations import LanguageTag
 
 FORMS = ("demographics", "comprehension", "debrief")
 """What else leaves answers, under these names; no questionnaire may have them."""
@@ -45,7 +47,10 @@ class QuestionnaireFile(Part):
     intro: Text
     """What stands above the items."""
     source: Annotated[str, Field(strict=True)] = ""
-    """Whose words these are and what was changed; shown with the questionnaire."""
+    """Whose words these are and what was changed; shown with the questionnaire. In a study that is not in English it
+    must be there: which validated translation it is, or that the words are your own."""
+    language: LanguageTag | Literal[""] = ""
+    """Of its words, such as `en`; the study's if left out."""
     points: int = number(default=7, ge=2, le=11)
     """How many points the scale has."""
     low: Annotated[str, Field(strict=True)] = ""
@@ -83,6 +88,7 @@ class Questionnaire(QuestionnaireFile):
             ),
             points=self.points,
             method=self.scoring,
+            language=self.language,
         )
 
 
@@ -103,12 +109,61 @@ def questionnaire_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
         place: FieldPath = ("questionnaires", number_)
         name = entry.get("id")
         if isinstance(name, str) and name in INSTRUMENTS:
-            yield Problem((*place, "id"), "is a questionnaire that is built in; choose another id")
+            if data.get("language", "en") == "en":
+                yield Problem((*place, "id"), "is a questionnaire that is built in; choose another id")
+            else:
+                yield from _other_words(INSTRUMENTS[name], entry, place)
         elif isinstance(name, str) and name in FORMS:
             yield Problem((*place, "id"), f"is taken; ids that are taken: {', '.join(FORMS)}")
         elif isinstance(name, str) and isinstance(chosen, list) and name not in chosen:
             yield Problem((*place, "id"), "is never asked; add it to surveys, or leave the questionnaire out")
         yield from _clashes(entry, place)
+    yield from _language_problems(data)
+
+
+def _language_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    """Questionnaires whose words are not in the study's language, or whose words are nobody's."""
+    tag = data.get("language", "en")
+    chosen = data.get("surveys", list(INSTRUMENTS))
+    names = [name for name in chosen if isinstance(name, str)] if isinstance(chosen, list) else []
+    listed = data.get("english_questionnaires")
+    english = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
+    own = own_ids(data)
+    for position, name in enumerate(english):
+        if name not in INSTRUMENTS or name not in names or name in own:
+            known = [one for one in INSTRUMENTS if one in names and one not in own]
+            place: FieldPath = ("english_questionnaires", position)
+            yield Problem(place, f"is not asked in English words; built-in ones that are: {', '.join(known) or 'none'}")
+    if not isinstance(tag, str) or tag.partition("-")[0] == "en":
+        return
+    for position, name in enumerate(names):
+        if name in INSTRUMENTS and name not in own and name not in english:
+            yield Problem(
+                ("surveys", position) if "surveys" in data else ("surveys",),
+                f"would be asked in English; put a validated translation with its source into {name}.toml beside this "
+                f'file, or say english_questionnaires = ["{name}"]',
+            )
+    for number_, entry in _entries(data.get("questionnaires")):
+        if not entry.get("source") and str(entry.get("language") or tag).partition("-")[0] != "en":
+            sentence = "missing; say whose translation these words are, or that they are your own"
+            yield Problem(("questionnaires", number_, "source"), sentence)
+
+
+def _other_words(built_in: Instrument, entry: Mapping[str, Any], place: FieldPath) -> Iterator[Problem]:
+    """What makes a translation of a built-in questionnaire another questionnaire, which its score would not fit."""
+    items = {item.get("id"): item for _, item in _entries(entry.get("items"))}
+    ids = [item.id for item in built_in.items]
+    if list(items) != ids:
+        yield Problem((*place, "items"), f"must be those of {built_in.id}, in their order: {', '.join(ids)}")
+        return
+    if entry.get("points", POINTS) != built_in.points:
+        yield Problem((*place, "points"), f"must be {built_in.points}, as {built_in.id} has them")
+    if entry.get("scoring", "mean") != built_in.method:
+        yield Problem((*place, "scoring"), f'must be "{built_in.method}", as {built_in.id} is scored')
+    for position, item in enumerate(built_in.items):
+        if items.get(item.id, {}).get("reversed", False) != item.reversed:
+            where = (*place, "items", position, "reversed")
+            yield Problem(where, f"must be {str(item.reversed).lower()} for {item.id}, as {built_in.id} is scored")
 
 
 def own_ids(data: Mapping[str, Any]) -> tuple[str, ...]:
@@ -134,15 +189,16 @@ def asked(data: Mapping[str, Any]) -> dict[str, Any]:
     instructions, texts = _table(data, "instructions"), _table(data, "texts")
     forms = {**INSTRUMENTS, **own_instruments(data)}
     return {
-        "surveys": [_told(forms[name]) for name in data.get("surveys", ()) if name in forms],
+        "surveys": [_told(forms[name], data) for name in data.get("surveys", ()) if name in forms],
         "demographics": data.get("demographics", []),
         "comprehension": instructions.get("questions", []),
         "debrief": texts.get("debrief_questions", []),
     }
 
 
-def _told(instrument: Instrument) -> dict[str, Any]:
+def _told(instrument: Instrument, study: Mapping[str, Any]) -> dict[str, Any]:
     form = asdict(instrument)
+    form["language"] = instrument.language or study.get("language", "en")
     for item in form["items"]:
         item["anchors"] = {"1": item.pop("low"), str(form["points"]): item.pop("high")}
     return form

@@ -134,6 +134,8 @@ class Study(Part):
     surveys: tuple[Identifier, ...] = ("sus_modified", "tlx_raw")
     """Questionnaires after every trial: built in, or the study's own. The paper's unless the file says otherwise:
     nobody is to find out after the study that none was asked."""
+    english_questionnaires: tuple[Identifier, ...] = ()
+    """Built-in ones that are asked in their English words although the study's language is another."""
     questionnaires: tuple[Questionnaire, ...] = ()
     layouts: tuple[LayoutSection, ...] = ()
     meshes: tuple[MeshFile, ...] = ()
@@ -263,11 +265,14 @@ def _questionnaires_beside(
     names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
     added = []
     for name in dict.fromkeys(names):
-        if name in INSTRUMENTS or name in own_ids(data) or not _IDENTIFIER.match(name):
+        if name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
+        if name in INSTRUMENTS and (data.get("language", "en") == "en" or not beside.is_file()):
+            continue
         try:
-            brought = packaged_questionnaire(name, shelf.registries["questionnaire"]) if shelf is not None else None
+            packages = shelf if name not in INSTRUMENTS else None
+            brought = packaged_questionnaire(name, packages.registries["questionnaire"]) if packages else None
             if brought is not None and beside.is_file():
                 raise PartError(f"stands in {beside.name} and is brought by {brought[1]} as well; rename the file")
         except PartError as error:

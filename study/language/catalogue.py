@@ -78,7 +78,6 @@ def read(text: str, tag: str) -> Catalogue:
         line = getattr(error, "lineno", None)
         sentence = re.sub(r" on \d+$", "", str(error))
         return Catalogue(mistakes=(Mistake(int(line or 0) + 1, f"not a valid PO file: {sentence}"),))
-    headers = {name.lower(): value for name, value in found.mime_headers}
     mistakes = [
         Mistake(number, "not a valid PO file: a text has to begin and end with a quotation mark on its line")
         for number, line in enumerate(text.splitlines(), start=1)
@@ -113,7 +112,8 @@ def read(text: str, tag: str) -> Catalogue:
         elif places:
             needed, there = len(set(places.values())), sum(map(bool, forms))
             mistakes.append(Mistake(line, f"{one!r} has {there} plural forms, {known.name} has {needed}"))
-    reviewed = headers.get(REVIEWED.lower(), "").strip()
+    said = re.search(rf'^"{REVIEWED}:(.*)\\n"', text, re.MULTILINE | re.IGNORECASE)
+    reviewed = said.group(1).strip() if said else ""
     return Catalogue(texts, plurals, lines, "" if reviewed.lower() == "no" else reviewed, tuple(mistakes))
 
 

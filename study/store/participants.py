@@ -75,6 +75,7 @@ def enrol(
         finished_utc=None,
         schema_version=SCHEMA_VERSION,
         kind=kind,
+        language=study.language,
     )
     add(connection, "participants", [row])
     return participant

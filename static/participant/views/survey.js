@@ -6,7 +6,8 @@ import { tab } from "../../common/store.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
 /** @typedef {{ id: string, text: string, low: string, high: string }} Item */
-/** @typedef {{ id: string, title: string, intro: string, source: string, points: number, items: Item[] }} Instrument */
+/** @typedef {{ id: string, title: string, intro: string, source: string, points: number, items: Item[],
+ *   language?: string, dir?: "ltr" | "rtl" }} Instrument */
 /** @typedef {Record<string, Record<string, number>>} Answers by instrument and item */
 
 /**
@@ -40,7 +41,13 @@ export function view({ socket, session }, page) {
     answers[instrument.id] = given;
     return h(
       "section",
-      { class: "instrument", data: { testid: `instrument-${instrument.id}` } },
+      {
+        class: "instrument",
+        // Words in another language than the page's are said and set as that language is.
+        lang: instrument.language,
+        dir: instrument.dir,
+        data: { testid: `instrument-${instrument.id}` },
+      },
       h("h2", {}, instrument.title),
       h("p", { class: "intro" }, instrument.intro),
       instrument.items.map((item) => {

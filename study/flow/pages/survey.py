@@ -17,6 +17,7 @@ from study.flow.page import (
     check,
 )
 from study.flow.protocol import Event, Session
+from study.language.locales import language
 
 
 def asks_nothing(study: Study) -> bool:
@@ -25,8 +26,16 @@ def asks_nothing(study: Study) -> bool:
 
 
 def content(session: Session, context: PageContext) -> Content:
-    """The questionnaires, without how they are scored."""
-    return {"instruments": [describe(instrument) for instrument in context.study.instruments]}
+    """The questionnaires, without how they are scored. One in another language than
+    the study's says so."""
+    forms = []
+    for instrument in context.study.instruments:
+        form = describe(instrument)
+        if instrument.language not in ("", context.study.language):
+            other = language(instrument.language)
+            form |= {"language": instrument.language, "dir": other.direction if other is not None else "ltr"}
+        forms.append(form)
+    return {"instruments": forms}
 
 
 def scripted(content: Content, person: Person) -> HandedIn:
