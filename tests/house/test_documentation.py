@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 import pytest
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
 from app.commands import described
 from app.commands.program import program
@@ -339,8 +339,8 @@ def test_every_toml_example_is_taken() -> None:
             if name == "distractor":  # what it takes depends on its kind
                 assert list(part_problems({"distractor": values}, shelf())) == []
                 continue
-            part = Study.model_fields[name].annotation
-            part.model_validate(values)  # type: ignore[union-attr]
+            part: Any = Study.model_fields[name].annotation
+            TypeAdapter(part).validate_python(values)
 
 
 def test_every_exported_table_is_described() -> None:
