@@ -62,7 +62,7 @@ class Circumstances:
     ready: bool = False
     """The robot is in place."""
     lacks_panel: bool = False
-    """The second task would appear on a second device that nobody has opened."""
+    """The second task appears on a second device that is not there."""
     lacks_picture: bool = False
     """The participant's page says that it draws no robot."""
     help_wanted: bool = False

@@ -122,10 +122,10 @@ class SessionContext:
         return self.services.config.scene and self.enrolment.pace == "real_time"
 
     def lacks_panel(self) -> bool:
-        """Whether a practice or a trial is next, its alerts on a second device that nobody has opened."""
+        """Whether a practice or a trial is next or under way, its alerts on a second device that is not there."""
         on_panel = self.services.study.distractor.on_second_device
-        is_next = self.session.place in ("practice_ready", "trial_ready")
-        return is_next and on_panel and self.connections.panel is None
+        drives = self.session.place in ("practice_ready", "practice", "trial_ready", "trial")
+        return drives and on_panel and self.connections.panel is None
 
     def is_away(self) -> bool:
         """Whether an alert keeps the hands off the pad."""

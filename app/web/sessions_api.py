@@ -101,6 +101,8 @@ class SessionReply(BaseModel):
     """Whether the participant's page is there."""
     panel_connected: bool
     """Whether the second device is there."""
+    panel_missing: bool
+    """Whether it is not there though the second task of a practice or trial, next or under way, appears on it."""
     held: bool
     """Whether the robot waits for the page's heartbeat."""
     help_wanted: bool
@@ -203,6 +205,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         pace=stored.pace,
         connected=live.connected if live else False,
         panel_connected=live.panel_connected if live else False,
+        panel_missing=now.lacks_panel,
         held=live.held if live else False,
         help_wanted=live is not None and live.vitals.help is not None,
         done_tasks=view.done_tasks if view else None,

@@ -73,6 +73,7 @@ function connectionOf(session) {
   if (OVER.has(session.state)) return ["check", "–", ""];
   if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
   if (session.connected && session.picture === false) return ["warning", "Their browser shows no robot", "bad"];
+  if (session.connected && session.panel_missing) return ["warning", "Their second device is not connected", "bad"];
   const trip = session.round_trip_ms !== null ? ` · ${Math.round(session.round_trip_ms)} ms` : "";
   if (session.connected) return ["check", `Connected${trip}`, "good"];
   return ["lost", "Not connected", session.state === "consent" || session.state === "eligibility" ? "" : "bad"];

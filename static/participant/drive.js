@@ -44,6 +44,9 @@ const PRACTICE_ON_TABLE = [
   t("Take your time; this part does not count."),
 ].join(" ");
 
+/** @type {Partial<Record<Sign, string>>} why a round cannot start yet */
+const WHY_NOT = { unseen: t("Its picture is not there yet."), alone: t("The second device is not there yet.") };
+
 /** @implements {View} */
 export class DriveView {
   /** @param {Context} context */
@@ -67,7 +70,8 @@ export class DriveView {
     /** @type {HTMLButtonElement | null} */
     this.start = null;
     /** @type {ReturnType<typeof secondDevice> | null} */
-    this.panel = null; // while a round waits for its start
+    this.panel = null; // of a round, where the readings appear on another device
+    this.second = h("div", { class: "side-card", hidden: true, data: { testid: "second-lost" } });
     this.dialogOpen = false;
     this._instruction = "";
     /** @type {Record<string, Look>} */
@@ -122,6 +126,7 @@ export class DriveView {
       { class: "side", tabindex: "0", "aria-label": t("What to do and what the robot is doing") },
       this.sign.element,
       this.assist,
+      this.second,
       this.instruction,
       this.inset.element,
       this.progress.element,
@@ -202,10 +207,13 @@ export class DriveView {
       this.looks = content.looks ?? {};
       if (content.instruction) this._instruct(content.instruction);
       this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
+      if (this._ticking()) this._secondDevice();
       this.status = content.ready === false ? "starting" : null;
     }
-    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused")
+    if (before?.state !== page.state && !page.state.endsWith("_ready") && page.state !== "paused") {
       this.region.focus({ preventScroll: true });
+      for (const one of [document.documentElement, this.region]) one.scrollTop = 0; // Start may have stood below the fold
+    }
     this._refresh();
   }
 
@@ -249,9 +257,8 @@ export class DriveView {
         ? PRACTICE_ON_TABLE
         : wordsFor(this.socket.welcome).practice
       : t("The robot is in place. When you press Start, the round begins.");
-    this.panel?.close();
     // The readings of a round appear on the second device: nobody starts while it is missing.
-    this.panel = this.socket.welcome?.placement === "second_device" ? this._secondDevice() : null;
+    this._secondDevice();
     this.start = stepButton({
       socket: this.socket,
       step: "start",
@@ -269,9 +276,13 @@ export class DriveView {
   }
 
   _secondDevice() {
+    this.panel?.close();
+    this.panel = null;
+    this.second.hidden = true;
+    if (this.socket.welcome?.placement !== "second_device") return;
     const link = this.page?.content.panel_link ?? null;
     const { socket, context } = this;
-    return secondDevice({ socket, session: context.session, link, onChange: () => this._refresh() });
+    this.panel = secondDevice({ socket, session: context.session, link, onChange: () => this._refresh() });
   }
 
   /** @param {HTMLElement | null} content */
@@ -365,9 +376,15 @@ export class DriveView {
     if (this.socket.state !== "open") return "lost";
     if (this.page?.state === "paused" || this.status === "paused") return "paused";
     if (this.status === "held" || this.status === "recovering" || this.status === "starting") return this.status;
-    if (!this._ticking()) return "ready";
+    if (!this._ticking()) return this._startsWithout() ?? "ready";
     if (this.tick && this.tick.status !== "running") return this.tick.status;
     return "running";
+  }
+
+  /** @returns {"unseen" | "alone" | null} what is missing for a start, besides the robot */
+  _startsWithout() {
+    if (!this.scene.watch.there) return "unseen";
+    return this.panel !== null && !this.panel.there() ? "alone" : null;
   }
 
   _refresh() {
@@ -376,14 +393,9 @@ export class DriveView {
     const state = this._state();
     this.sign.show(state);
     if (this.start) {
-      const alone = this.panel !== null && !this.panel.there();
-      const why =
-        (state !== "ready" && t("The robot is not in place yet.")) ||
-        (!this.scene.watch.there && t("Its picture is not there yet.")) ||
-        (alone && t("The second device is not there yet."));
-      const wait = why !== false;
+      const wait = state !== "ready";
       this.start.disabled = wait;
-      this.start.title = why || "";
+      this.start.title = wait ? (WHY_NOT[state] ?? t("The robot is not in place yet.")) : "";
       if (!wait && !this.overlay.hidden && document.activeElement === document.body)
         this.start.focus({ preventScroll: true });
     }
@@ -396,6 +408,9 @@ export class DriveView {
     setText(this.hintText, blocked ? hintText(this.tick?.hint) : "");
     this.hint.classList.toggle("shown", Boolean(blocked));
     if (state === "lost" || state === "paused") this.notice.hide();
+    const alone = this._ticking() && this.panel !== null && !this.panel.there();
+    if (alone && this.second.hidden) this.second.replaceChildren(this.panel?.element ?? "");
+    this.second.hidden = !alone;
     const assisting = this.tick?.assisting ?? null;
     this.assist.hidden = assisting === null;
     if (assisting !== null) setText(this.assist, assisting ? t("The robot is assisting") : t("You are driving"));

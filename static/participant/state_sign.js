@@ -5,7 +5,7 @@ import { t } from "../common/language.js";
 
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { IconName } from "../common/dom.js" */
-/** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "ready" | Tick["status"]} Sign */
+/** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "unseen" | "alone" | "ready" | Tick["status"]} Sign */
 
 /** @type {Record<Sign, [sign: IconName, text: string, hint: string]>} */
 const SIGNS = {
@@ -14,6 +14,8 @@ const SIGNS = {
   held: ["hand", t("On hold"), t("The lab has not heard from this page for a moment. The robot stands still.")],
   starting: ["hourglass", t("Getting ready"), t("The robot is being put in place. A few seconds.")],
   recovering: ["hourglass", t("Recovering"), t("The robot is being brought back to where it was. A few seconds.")],
+  unseen: ["hourglass", t("Getting ready"), t("Loading the picture of the robot")],
+  alone: ["hourglass", t("Getting ready"), t("Waiting for the second device")],
   ready: ["play", t("Ready"), t("Press Start when you are.")],
   resetting: ["reset", t("Resetting"), t("The arm goes back to its starting position by itself.")],
   gripper: ["grip", t("Gripper moving"), t("The arm stands still for a second.")],

@@ -112,6 +112,7 @@ def test_nobody_starts_or_goes_on_before_the_picture_is_there(page: Page, lab: F
     page.goto(lab.participant_url)
     visible(page, "page-trial_ready")
     assert page.get_by_test_id("start-button").is_disabled()
+    assert "Loading the picture" in page.get_by_test_id("state-sign").inner_text()
     assert pictures(lab) == []
     page.clock.fast_forward(16_000)
     assert told(lab, there=False) == {"there": False, "why": "not_loaded"}
@@ -128,6 +129,7 @@ def test_nobody_starts_or_goes_on_before_the_picture_is_there(page: Page, lab: F
     told(lab, there=True, mark=mark)
     lab.show("trial_ready")
     expect(page.get_by_test_id("start-button")).to_be_enabled()
+    assert "Press Start" in page.get_by_test_id("state-sign").inner_text()
 
 
 def test_a_pause_for_the_picture_says_what_may_help(page: Page, lab: FakeLab) -> None:

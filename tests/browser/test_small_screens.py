@@ -109,6 +109,25 @@ def test_the_task_is_in_sight_beside_the_picture(
     assert reached(page.get_by_test_id("alert-submit"))
 
 
+@pytest.mark.parametrize("size", NARROW, ids=str)
+def test_a_round_begins_with_the_task_in_sight_wherever_start_was(
+    page: Page, labs: tuple[FakeLab, FakeLab], size: tuple[int, int]
+) -> None:
+    lab, _ = labs
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    lab.state = "trial_ready"
+    page.goto(lab.participant_url)
+    page.get_by_test_id("start-button").wait_for()
+    page.evaluate("for (const one of document.querySelectorAll('html, .drive-scene')) one.scrollTop = 10_000")
+    page.get_by_test_id("start-button").click()
+    lab.wait_submit("start")
+    lab.send(tick(0))
+    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+    task = page.get_by_test_id("instruction").bounding_box()
+    assert task and task["y"] >= 0 and task["y"] + task["height"] <= size[1]
+    assert page.locator(".drive-scene").evaluate("(one) => one.scrollTop") == 0
+
+
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("value", ["582.4", "88888888.88"])
 def test_the_second_device_shows_its_whole_value_and_its_button(

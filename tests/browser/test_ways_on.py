@@ -14,7 +14,7 @@ from tests.support import lab_server as labs
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, tick
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import SHORT, asked, events, invite, visit, write_study
+from tests.support.wire_client import SHORT, asked, events, invite, seen_by_experimenter, visit, write_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, Route
@@ -249,6 +249,7 @@ def test_a_round_starts_when_the_second_device_is_there_and_says_how_to_open_it(
     start = page.get_by_test_id("start-button")
     expect(page.get_by_test_id("panel-state")).to_have_text("Waiting for the second device")
     expect(start).to_be_disabled()
+    expect(page.get_by_test_id("state-sign")).to_contain_text("Waiting for the second device")
     link = page.get_by_test_id("panel-link").input_value()
     panel = page.context.new_page()
     panel.goto(link)
@@ -262,6 +263,17 @@ def test_a_round_starts_when_the_second_device_is_there_and_says_how_to_open_it(
     expect(start).to_be_enabled()
     start.click()
     page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+    # It may go in the middle of a round, too: nobody is left with readings that they cannot see.
+    lost = page.get_by_test_id("second-lost")
+    expect(lost).to_be_hidden()
+    panel.close()
+    expect(lost).to_contain_text("Waiting for the second device")
+    page.wait_for_function("document.querySelector('[data-testid=panel-qr]').naturalWidth > 0")
+    assert seen_by_experimenter(two_device_lab, made["participant"])["panel_missing"]
+    panel = page.context.new_page()
+    panel.goto(lost.get_by_test_id("panel-link").input_value())
+    expect(lost).to_be_hidden()
+    assert not seen_by_experimenter(two_device_lab, made["participant"])["panel_missing"]
 
 
 def test_whoever_cannot_open_it_goes_on_and_the_record_says_so(page: Page, two_device_lab: LabServer) -> None:

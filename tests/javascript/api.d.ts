@@ -47,6 +47,7 @@ export interface SessionReply {
   pace: string;
   connected: boolean;
   panel_connected: boolean;
+  panel_missing: boolean;
   held: boolean;
   help_wanted: boolean;
   done_tasks: number | null;
@@ -82,6 +83,7 @@ export interface LiveReply {
   pace: string;
   connected: boolean;
   panel_connected: boolean;
+  panel_missing: boolean;
   held: boolean;
   help_wanted: boolean;
   done_tasks: number | null;
