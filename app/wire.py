@@ -249,9 +249,11 @@ class Tick(Message):
     assisting: bool | None = None
     """Whether the robot acted beyond the input; null unless the study shows it."""
     notice: str | None = None
-    """One line about the task that just ended, or about what slipped, for the participant."""
+    """One line about the task that just ended, what slipped, or the freed arm, for the participant."""
     slipped: bool = False
     """Whether what was held has slipped out of the gripper, which nobody had opened."""
+    ending: Literal["task", "trial"] | None = None
+    """Whose time is nearly over, in its last minute at most; null for neither. What follows comes by itself."""
 
 
 class World(Message):

@@ -76,7 +76,7 @@ def column(
 
 CONDITIONS = ("teleoperation", "goal_oriented", "balanced")
 KINDS = ("pickup", "dropoff")
-SOURCES = ("user", "blend", "robot", "idle", "gripper", "reset")
+SOURCES = ("user", "blend", "robot", "idle", "gripper", "reset", "free")
 OUTCOMES = ("success", "failure", "not_run")
 
 
@@ -148,6 +148,11 @@ class TrialRow:
     unanswered_alerts: int | None = column(
         "Readings, or other alerts, that expired; blank = not judged", least=0, default=None
     )
+    frees: int | None = column(
+        "How often the arm was freed in the trial; blank = not judged, or recorded before it could be",
+        least=0,
+        default=None,
+    )
 
 
 @dataclass(frozen=True)
@@ -162,10 +167,28 @@ class TaskRow:
     goal: str = column("Id of the instructed object (pickup) or bin (dropoff): the ground truth", words=True)
     object: str = column("Id of the object of this pick-and-place cycle", words=True)
     goals: int = column("Number of candidate goals at the start of the task", least=1)
-    outcome: str = column("Outcome; not_run = the dropoff after a failed pickup", levels=OUTCOMES)
-    reason: str | None = column("Why it failed or was not run; blank after a success", words=True)
-    first_tick: int | None = column("First tick of the task; blank if not run", unit="tick of the trial", least=0)
-    last_tick: int | None = column("Last tick of the task; blank if not run", unit="tick of the trial", least=0)
+    outcome: str = column(
+        "Outcome, of the last attempt; not_run = the dropoff after a failed pickup, or what the trial's time limit "
+        "left undone",
+        levels=OUTCOMES,
+    )
+    reason: str | None = column(
+        "Why it failed or was not run; blank after a success. time_limit = the time of task_limit_s or trial_limit_s "
+        "of the study was over: the task would have taken longer, so that its ticks are right-censored",
+        words=True,
+    )
+    first_tick: int | None = column(
+        "First tick of the task, in the first of its attempts; blank if not run", unit="tick of the trial", least=0
+    )
+    last_tick: int | None = column(
+        "Last tick of the task, in the last of its attempts; blank if not run", unit="tick of the trial", least=0
+    )
+    attempts: int = column(
+        "Attempts at its cycle so far, from 1: whenever the arm is freed, pickup and dropoff begin again. The outcome "
+        "is that of the last; all ticks with this task in `ticks` are the task's, whatever their attempt",
+        least=1,
+        default=1,
+    )
 
 
 _USER = (
@@ -211,7 +234,7 @@ class TickRow:
         "Who decided the motion of this tick. user = the person gave a direction and it was taken; blend = the person "
         "gave one and the arbiter took another (see departure); robot = no direction, the arbiter chose; idle = no "
         "direction, and the arbiter never moves by itself; gripper = the fingers moved and motion paused; reset = the "
-        "arm went back",
+        "arm went back; free = the same because somebody freed it, the first tick of another attempt (event arm_freed)",
         levels=SOURCES,
     )
     blocked: int = column("1 = the motion asked for was refused", unit=YES_NO)
@@ -239,6 +262,11 @@ class TickRow:
         least=0,
         most=2,
         default=None,
+    )
+    attempt: int = column(
+        "Attempt at the cycle, from 1: whenever the arm is freed, the cycle begins again with its pickup",
+        least=1,
+        default=1,
     )
 
 

@@ -1,7 +1,7 @@
 """What an experimenter can do with a session or say about it: which acts there are, when, and why not.
 
-An act is a command or a remark. Commands become events of the protocol, remarks only stand in the record. Both are
-events with who and when; their words are kept apart (`app.session.private_text`).
+An act is a command or a remark. Commands become events of the protocol, or free the arm; remarks only stand in the
+record. Both are events with who and when; their words are kept apart (`app.session.private_text`).
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Literal, get_args
 
 from app.errors import LabError
 from study.flow.flow import FLOW, Flow
-from study.flow.protocol import CLEARS, EventName, Session
+from study.flow.protocol import CLEARS, DRIVEN, EventName, Session
 
-CommandName = Literal["start", "pause", "resume", "repeat_practice", "abort_trial", "abort", "withdraw"]
+CommandName = Literal["start", "pause", "resume", "free_arm", "repeat_practice", "abort_trial", "abort", "withdraw"]
 RemarkName = Literal["note", "task_marked", "message", "help_seen"]
 ActName = CommandName | RemarkName
 """An act is a command or a remark: what both have in common goes by this name."""
@@ -28,8 +28,9 @@ EVENTS: Mapping[CommandName, EventName] = {
     "abort": "abort",
     "withdraw": "withdraw",
 }
-"""The event of the protocol that a command is."""
-ACTS: tuple[ActName, ...] = (*get_args(CommandName), *get_args(RemarkName))
+"""The event of the protocol that a command is. Freeing the arm is none: the session stays where it is."""
+COMMANDS: tuple[CommandName, ...] = get_args(CommandName)
+ACTS: tuple[ActName, ...] = (*COMMANDS, *get_args(RemarkName))
 """Every act, commands first."""
 
 
@@ -76,7 +77,7 @@ class Circumstances:
 
 def why_not(act: ActName, now: Circumstances) -> str:
     """Why this cannot be done now, as a sentence; "" when it can."""
-    if act in EVENTS and now.session.is_over:
+    if act in COMMANDS and now.session.is_over:
         return "The session is over."
     return _RULES[act](now)
 
@@ -86,7 +87,7 @@ def refuse_unless(act: ActName, now: Circumstances) -> None:
     reason = why_not(act, now)
     if not reason:
         return
-    possible = [name for name in EVENTS if not why_not(name, now)]
+    possible = [name for name in COMMANDS if not why_not(name, now)]
     instead = f" Now it is in {now.session.state!r}; possible: {', '.join(possible)}." if possible else ""
     raise NotNow(reason + instead)
 
@@ -131,6 +132,12 @@ def _resume(now: Circumstances) -> str:
     return ""
 
 
+def _free_arm(now: Circumstances) -> str:
+    if now.session.place in DRIVEN:
+        return ""
+    return "Nobody drives: the arm can be freed during practice and trials, also while they are paused."
+
+
 def _repeat_practice(now: Circumstances) -> str:
     session = now.session
     if "repeat_practice" in now.allowed:
@@ -151,7 +158,7 @@ def _always(now: Circumstances) -> str:
 
 
 def _task_marked(now: Circumstances) -> str:
-    if now.session.place in ("practice", "trial"):
+    if now.session.place in DRIVEN:
         return ""
     return "No task is under way: tasks are marked during practice and trials."
 
@@ -168,6 +175,7 @@ _RULES: Mapping[ActName, Callable[[Circumstances], str]] = {
     "start": _start,
     "pause": _pause,
     "resume": _resume,
+    "free_arm": _free_arm,
     "repeat_practice": _repeat_practice,
     "abort_trial": _abort_trial,
     "abort": _always,

@@ -113,6 +113,7 @@ class SessionContext:
         """End the worker and forget the practice or trial it ran: its alerts, its ticks, what was noticed."""
         self.running = RunningTrial(DistractorState(self.services.distractor))
         self.noticed.clear()
+        self.vitals.frees = 0
         self.history.forget_ticks()
         await self.link.stop()
 

@@ -20,6 +20,8 @@ from study.records import EventRow, TrialRow, utc_text
 from study.store import AsyncStore
 
 Role = Literal["participant", "panel"]
+Freer = Literal["participant", "experimenter"]
+"""Who can free the arm."""
 
 
 class Client(Protocol):
@@ -80,6 +82,9 @@ class Resumed:
     tick: int | None = None
     last_seq: int = 0
     overruns: int = 0
+    frees: int = 0
+    freed_by: Freer | None = None
+    """Who has asked to free the arm, if no tick has done it."""
     sound: bool | None = None
     help_wanted: HelpCall | None = None
     events: tuple[EventRow, ...] = ()
@@ -97,6 +102,8 @@ class Vitals:
     focused: bool | None = None
     device: str | None = None
     overruns: int = 0
+    frees: int = 0
+    """How often the arm was freed in this practice or trial."""
     help: HelpCall | None = None
     """The participant's call that nobody has answered."""
     sound: bool | None = None

@@ -28,6 +28,7 @@ FAILURES: Mapping[str, str] = {
     "wrong_bin": phrase("The {object} went into the other bin."),
     "left_on_table": phrase("The {object} came down on the table, not in the bin."),
     "outside_bin": phrase("The {object} landed outside the bin."),
+    "time_limit": phrase("The time for the {object} is over. It goes on from here by itself."),
     "not_moved": phrase("The {object} was put down too close to where it stood."),
 }
 
@@ -35,6 +36,7 @@ FAILURES: Mapping[str, str] = {
 HELP_SEEN = phrase("The experimenter has seen your call for help.")
 SLIPPED = phrase("The {object} slipped out of the gripper.")
 ENDED_EARLY = phrase("This round was ended early. Please go on from here.")
+FREED = phrase("The arm is free again, and the object stands where it stood. Please pick it up once more.")
 
 
 def instruction(view: TrialView, labels: Labels, practice: bool, words: Words = ENGLISH) -> Instruction:
@@ -116,8 +118,9 @@ def tick_message(
             "blocked": view.blocked,
             "hint": {"cause": view.hint.cause, "ways": view.hint.ways} if view.hint else None,
             "assisting": view.source in ("robot", "blend") if show_assistance else None,
-            "notice": told,
+            "notice": words.t(FREED) if result.row.source == "free" else told,
             "slipped": slipped is not None,
+            "ending": view.ending,
         }
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
+from app.session.interfaces import Freer
 from app.trial.reasoning import PartFault
 from app.trial.values import TrialView
 from app.wire import World
@@ -24,7 +25,8 @@ class RunningTrial:
     `restore` after.
 
     `trial_s` is the trial time at the end of the last tick. `next_tick_unix_s` is when the next one is due in real
-    time. `view` and `world` are what the pages show, once a worker has said so.
+    time. `view` and `world` are what the pages show, once a worker has said so. `freed_by` is who has asked to free the
+    arm, until a tick has done it.
     """
 
     distractor: DistractorState
@@ -33,11 +35,12 @@ class RunningTrial:
     next_tick_unix_s: float = 0.0
     view: TrialView | None = None
     world: World | None = None
+    freed_by: Freer | None = None
 
     @classmethod
-    def resumed(cls, distractor: DistractorState, tick: int | None) -> RunningTrial:
+    def resumed(cls, distractor: DistractorState, tick: int | None, freed_by: Freer | None = None) -> RunningTrial:
         """The one whose last tick on disk is `tick`."""
-        return cls(distractor, tick, 0.0 if tick is None else (tick + 1) * TICK_S)
+        return cls(distractor, tick, 0.0 if tick is None else (tick + 1) * TICK_S, freed_by=freed_by)
 
     def numbered_on(self, tick: int) -> None:
         """Its first tick will be this one."""

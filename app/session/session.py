@@ -69,11 +69,13 @@ class LiveSession:
             enrolment=enrolment,
             services=services,
             session=session,
-            vitals=Vitals(overruns=resumed.overruns, sound=resumed.sound, help=resumed.help_wanted),
+            vitals=Vitals(
+                overruns=resumed.overruns, frees=resumed.frees, sound=resumed.sound, help=resumed.help_wanted
+            ),
             connections=self._connections,
             link=self._link,
             spectators=Spectators(self._link),
-            running=RunningTrial.resumed(resumed.distractor, resumed.tick),
+            running=RunningTrial.resumed(resumed.distractor, resumed.tick, resumed.freed_by),
             history=History(resumed.events),
             round_trips=RoundTrips(services.now_unix_s),
             last_seq=resumed.last_seq,
@@ -389,12 +391,14 @@ class LiveSession:
     async def _on_command(self, work: _Work) -> None:
         command, by = work.payload
         refuse_unless(command.name, self.circumstances)
-        kind = EVENTS[command.name]
+        kind = EVENTS.get(command.name, command.name)
         data, private = apart(kind, command.words)
         event = self._context.event(kind, "experimenter", {"by": by, **data})
-        await self._transitions.advance(
-            Event(kind), Batch(events=(event,), identities=self._context.identities(private))
-        )
+        batch = Batch(events=(event,), identities=self._context.identities(private))
+        if command.name == "free_arm":
+            await self._transitions.free("experimenter", batch)
+            return
+        await self._transitions.advance(Event(kind), batch)
         if command.name == "abort_trial":
             self._connections.show_notice(self._services.study.words.t(pages.ENDED_EARLY))
         self._context.measure()

@@ -115,6 +115,9 @@ class Submissions:
             identities=context.identities(private),
             consent=ConsentGiven(step.utc, outcome.consent_hash) if outcome.consent_hash else None,
         )
+        if outcome.frees:
+            await self._transitions.free("participant", batch, on_disk=lambda: acknowledge(client, message.id))
+            return
         if outcome.event is None:
             await context.commit(batch)
             acknowledge(client, message.id)

@@ -11,12 +11,14 @@ from typing import Literal
 
 from app.session import pages
 from app.session.context import SessionContext
+from app.session.interfaces import Freer
 from app.trial.reasoning import PartFault
-from app.trial.values import CycleStart, cycle_from_json
+from app.trial.values import CycleStart, EngineEvent, cycle_from_json
 from app.worker.messages import (
     Asking,
     Begin,
     Failed,
+    Free,
     Hold,
     HoldChanged,
     PartFailed,
@@ -28,7 +30,7 @@ from app.worker.messages import (
 from study.flow.distractors.state import of_practice, stimuli_of
 from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
 from study.flow.quality import judged
-from study.records import StudyError, TrialRow, utc_text
+from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Batch
 
 
@@ -98,6 +100,20 @@ class Transitions:
         if after != before:
             context.show_all()
 
+    async def free(self, by: Freer, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:
+        """Have the next tick free the arm, and commit that it was asked for. While no ticks run it waits for one, and
+        outlives worker and lab; an arm that goes back already need not be freed."""
+        context, running = self._context, self._context.running
+        if running.view is not None and running.view.phase == "reset" and running.freed_by is None:
+            event = context.event("free_not_needed", "lab", {"reason": "the arm was going back already"})
+            await context.commit(replace(batch, events=(*batch.events, event)))
+        else:
+            await context.commit(batch)
+            if running.freed_by is None:
+                running.freed_by = by
+                context.link.send(Free())  # a worker that is not up yet is told when it is
+        on_disk()
+
     async def _practice_again(self) -> CycleStart:
         """Practice goes on after its last tick with another cycle, as it does when the block was not moved: what was
         recorded keeps its numbers, and a worker that is replaced re-runs this cycle alone."""
@@ -109,7 +125,8 @@ class Transitions:
             )
         )
         cycle = cycle_from_json(last.start).cycle if last else CycleStart().cycle
-        return CycleStart(cycle + 1, rows[-1].tick + 1 if rows else 0)
+        first_tick = rows[-1].tick + 1 if rows else 0
+        return CycleStart(cycle + 1, first_tick, counted_from=first_tick)
 
     async def _carry_out(self, effects: tuple[Effect, ...]) -> None:
         link = self._context.link
@@ -226,6 +243,8 @@ class Transitions:
         if report.finished:
             await self._running_trial_done(Batch())
             return
+        if context.running.freed_by is not None:
+            link.send(Free())
         if context.session.is_ticking:
             link.send(Begin())
         context.connections.show_page(context.page(), context.session)
@@ -240,7 +259,13 @@ class Transitions:
         row = replace(result.row, started_utc=utc_text(report.started_unix_s), late_ms=report.late_ms)
         before = pages.instruction(running.view, labels, practice, study.words) if running.view else None
         running.ticked(report)
-        events = [context.event(event.kind, "robot", dict(event.data)) for event in result.events]
+        events = [self._of_the_robot(event) for event in result.events]
+        if running.freed_by is not None and (report.freeing or result.finished):
+            if row.source != "free":
+                reason = "it was over" if result.finished else "the arm was going back already"
+                events.append(context.event("free_not_needed", "lab", {"reason": reason}))
+            running.freed_by = None
+        context.vitals.frees += row.source == "free"
         if report.overrun:
             context.vitals.overruns += 1
             events.append(context.event("overrun", "lab", {"late_ms": report.late_ms, "missed": report.missed}))
@@ -276,6 +301,11 @@ class Transitions:
             context.history.add_tick(row, report.explanation)
         del context.noticed[: len(noticed)]
 
+    def _of_the_robot(self, event: EngineEvent) -> EventRow:
+        """An event of a tick; that the arm was freed is the doing of whoever asked for it."""
+        source = self._context.running.freed_by if event.kind == "arm_freed" else None
+        return self._context.event(event.kind, source or "robot", dict(event.data))
+
     async def _running_trial_done(self, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:
         """The practice or the trial is over: its last tick and the step to the next state are one commit."""
         if self._context.session.place == "practice":
@@ -299,5 +329,5 @@ class Transitions:
         ticks, overruns = 0 if running.tick is None else running.tick + 1, context.vitals.overruns
         row = replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=ended_utc)
         expired = sum(alert.status == "expired" for alert in running.distractor.alerts)
-        stimuli = context.services.distractor.words.many
-        return judged(row, (*stored, *context.noticed), expired, context.services.study.quality, stimuli)
+        stimuli, rules = context.services.distractor.words.many, context.services.study.quality
+        return judged(row, (*stored, *context.noticed), expired, rules, stimuli, context.vitals.frees)

@@ -37,6 +37,8 @@ FORM_S = 30.0
 """How long a form takes, on that clock."""
 GIVES_UP_TICKS = 4000
 """Ticks of one trial (33 minutes) after which a simulated participant withdraws."""
+FREES_AFTER_TICKS = 40
+"""Ticks (20 seconds) of pressing in a row in which the arm did not move, after which the arm is freed."""
 ANSWER_SHARE = 0.6
 """Share of the time away after which the answer is typed; the rest is the way back."""
 
@@ -266,6 +268,7 @@ class _Sitting:
     tasks: list[Any] = field(default_factory=list)
     robot_moves: int = 0
     contrary_moves: int = 0
+    pressed_in_vain: int = 0
     finished: bool = False
     view: TrialView = field(init=False)
     """The trial as it is before the next tick."""
@@ -309,13 +312,20 @@ class _Sitting:
         if view.phase != "operating" or self.distractor.locked(tick * TICK_S):
             result = engine.tick(UserInput(seq=run.inputs))
         else:
-            result = engine.tick(UserInput(wanted.direction, wanted.gripper, run.inputs))
+            free = self.pressed_in_vain >= FREES_AFTER_TICKS
+            if free:
+                run.event("step_free_arm", "participant", {})
+            result = engine.tick(UserInput(wanted.direction, wanted.gripper, run.inputs, free=free))
+        row = result.row
+        self.pressed_in_vain = self.pressed_in_vain + 1 if row.user_x is not None and row.blocked else 0
         self.view = result.view
         run.tick, run.now_s = tick, run.now_s + TICK_S
-        self.ticks.append(result.row)
-        self.tasks += result.tasks if self.kind == "trial" else ()
+        self.ticks.append(row)
+        if self.kind == "trial":
+            ended = {task.task for task in result.tasks}  # of a task that is done again, the last row counts
+            self.tasks = [*(task for task in self.tasks if task.task not in ended), *result.tasks]
         for item in result.events:
-            run.event(item.kind, "robot", item.data)
+            run.event(item.kind, "participant" if item.kind == "arm_freed" else "robot", item.data)
         self._judge(result, sight, engine.world.position_world_gripper_m)
         self._raise_alerts(tick + 1)
 

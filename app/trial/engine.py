@@ -14,9 +14,13 @@ A tick (paper IV-A):
           ──► direction?      ──► inference, then the arbiter: follow    source = user, or blend if it takes another
           ──► nothing         ──► inference, then the arbiter: choose    source = robot, or idle if it never moves
                                                                                   by itself
+    somebody frees the arm    ──► the cycle begins again, whatever has become of it     source = free
 
 The unit is the pick-and-place cycle. Each starts in a fresh physics world and with a fresh arbiter and inference, which
 are given what they remember, so a cycle can be re-run from its first tick alone: `CycleStart` is all there is to keep.
+A cycle that begins again because the arm was freed is another attempt at it, and that attempt is the unit then. It
+begins with what the cycle began with; the world before, and what inference and arbiter made of it, are not looked at
+any more: a way out must not depend on them.
 """
 
 from __future__ import annotations
@@ -37,8 +41,9 @@ from app.trial.hints import Hint, hint_for
 from app.trial.motion import motion_segments, unit_direction
 from app.trial.reasoning import Limit, Reasoning, Told
 from app.trial.tasks import TaskProgress
+from app.trial.time_limits import near_limit
 from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
-from app.trial.verdicts import Verdict, dropoff_verdict, pickup_verdict, practice_verdict
+from app.trial.verdicts import TIME_LIMIT, Verdict, dropoff_verdict, pickup_verdict, practice_verdict
 from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
@@ -60,6 +65,8 @@ PRACTICE_TRIES = 3
 
 _STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
 _NO_DIRECTION: tuple[int | None, int | None, int | None] = (None, None, None)
+_RETURNING = ("reset", "free")
+"""Sources of ticks in which the arm goes back: they belong to no task."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +111,11 @@ class TrialEngine:
         self.setup = setup
         self.finished = False
         self._robot = robot
-        self._start = start or CycleStart()
-        self._reasoning = Reasoning(setup, self._start, limit, asking)
-        self._tick = self._start.first_tick
-        self._progress = TaskProgress(setup, self._start.cycle)
-        self._delivered: dict[str, Pose] = dict(self._start.delivered)
+        self._began = start or CycleStart()
+        self._reasoning = Reasoning(setup, self._began, limit, asking)
+        self._tick = self._began.first_tick
+        self._progress = TaskProgress(setup, self._began)
+        self._delivered: dict[str, Pose] = dict(self._began.delivered)
         self._momentum: Vector3 = STILL
         self._goals = Goals.at(())
         self._belief: Belief | None = None
@@ -118,6 +125,7 @@ class TrialEngine:
         self._let_go = False
         self._gripper_ticks_left = 0
         self._reset_ticks_left = 0
+        self._is_freed = False
         self._settling_ticks = 0
         self._loose_ticks = 0
         self._pressed_ticks = 0
@@ -157,6 +165,11 @@ class TrialEngine:
         return self._progress.cycle
 
     @property
+    def place(self) -> tuple[int, int]:
+        """Cycle and attempt, each from 1: each place has a world of its own."""
+        return self._progress.cycle, self._progress.attempt
+
+    @property
     def goal(self) -> str | None:
         """Id of the instructed object or bin; None for a practice dropoff, which may go anywhere."""
         return self._progress.goal
@@ -193,6 +206,7 @@ class TrialEngine:
             source=source,
             ended=ended,
             hint=hint,
+            ending=None if self.finished else near_limit(self.setup.limits, self._trial_ticks, self._task_ticks),
         )
 
     def explain(self) -> Explanation:
@@ -202,12 +216,13 @@ class TrialEngine:
     # ---- running ------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first.
+        """Build the world of the first cycle to be run. The arm resets visibly before every cycle but the first, and
+        before every other attempt.
 
         Raises `app.trial.reasoning.PartFault` when inference or arbiter cannot be made.
         """
         self._is_open = True
-        self._enter_cycle(reset=self._start.first_tick > 0)
+        self._enter_cycle(reset=self._began.first_tick > 0 or self._began.attempt > 1)
 
     def tick(self, user_input: UserInput = NO_INPUT) -> TickResult:
         """One whole tick."""
@@ -224,9 +239,12 @@ class TrialEngine:
             raise RuntimeError("a tick cannot begin: " + ("the trial is over" if self.finished else "one is running"))
         if user_input.after_pause:
             self._momentum = STILL
+        if user_input.free and not self._reset_ticks_left:  # it is going back already otherwise
+            self._begin_again()
         self._look()
         if self._reset_ticks_left:
-            self._pending = self._begin_still(user_input, "reset")
+            source, self._is_freed = ("free" if self._is_freed else "reset"), False
+            self._pending = self._begin_still(user_input, source)
             return
         self._refresh_belief()
         gripper = self._gripper_command(user_input)
@@ -265,11 +283,14 @@ class TrialEngine:
             started_utc=None,
             late_ms=None,
             digest=world.digest(),
+            attempt=self._progress.attempt,
         )
         self._tick += 1
         events += self._note_grasp(world)
         tasks, verdict, cycle_start = self._judge(row.source, world, events)
-        self._held_before = world.held
+        if not self.finished and self._is_over(self.setup.limits.trial_ticks, self._trial_ticks):
+            tasks, verdict, cycle_start = (*tasks, *self._end_trial(events)), verdict or TIME_LIMIT, None
+        self._held_before = self.world.held
         return TickResult(
             row=row,
             tasks=tasks,
@@ -346,7 +367,7 @@ class TrialEngine:
         pressed: str | None,
     ) -> dict[str, Any]:
         """The part of the row that is known at the start of the tick."""
-        resetting = source == "reset"
+        resetting = source in _RETURNING
         belief = self._belief or Belief.uniform(self._goals.ids)
         p_x, p_y, p_z = self.world.position_world_gripper_m
         m_x, m_y, m_z = self._momentum
@@ -407,13 +428,19 @@ class TrialEngine:
         self, source: str, world: WorldState, events: list[EngineEvent]
     ) -> tuple[tuple[TaskRow, ...], Verdict | None, CycleStart | None]:
         """Count down what is under way, and end the task if it is over."""
-        if source == "reset":
+        if source in _RETURNING:
             self._reset_ticks_left -= 1
-            return (), None, None
+            if source == "reset":
+                return (), None, None
+            where = {"phase": self.setup.kind, "cycle": self._began.cycle, "attempt": self._began.attempt}
+            events.append(EngineEvent("arm_freed", where))
+            return (), None, self._began
         if self._gripper_ticks_left:
             self._gripper_ticks_left -= 1
         picking_up = self._progress.kind == "pickup"
         verdict = self._lifted_verdict(world) if picking_up else self._settled_verdict(world)
+        if verdict is None and self._is_over(self.setup.limits.task_ticks, self._task_ticks):
+            verdict = TIME_LIMIT
         if verdict is None:
             return (), None, None
         if picking_up and verdict.outcome == "success":
@@ -446,7 +473,7 @@ class TrialEngine:
     def _end_pickup(self, verdict: Verdict) -> TaskRow:
         """The pickup's row; the dropoff begins with the next tick and a fresh belief."""
         row = self._progress.row(verdict, self._tick - 1)
-        self._progress.to_dropoff()
+        self._progress.to_dropoff(self._tick)
         self._belief = None
         return row
 
@@ -457,7 +484,7 @@ class TrialEngine:
         tasks = [progress.row(verdict, self._tick - 1)]
         if progress.kind == "pickup" and not practice:
             tasks.append(progress.not_run_row())
-        if progress.kind == "dropoff" and not practice and verdict.reason != "left_on_table":
+        if progress.kind == "dropoff" and not practice and verdict.reason not in ("left_on_table", "time_limit"):
             # What stands in the way on the table is taken away; the rest stays in sight.
             self._delivered[progress.cycle_setup.object] = world.object(progress.cycle_setup.object).pose
         # Practice is there to be learned from, not to be stuck in: after so many tries it is over as well.
@@ -470,10 +497,47 @@ class TrialEngine:
             return tuple(tasks), verdict, None
         progress.to_cycle(progress.cycle + 1)
         inference_memory, arbiter_memory = self._reasoning.memories
-        delivered = tuple(self._delivered.items())
-        start = CycleStart(progress.cycle, self._tick, delivered, arbiter_memory, inference_memory)
+        self._began = CycleStart(
+            cycle=progress.cycle,
+            first_tick=self._tick,
+            delivered=tuple(self._delivered.items()),
+            arbiter_memory=arbiter_memory,
+            inference_memory=inference_memory,
+            counted_from=self._began.counted_from,
+        )
         self._enter_cycle(reset=True)
-        return tuple(tasks), verdict, start
+        return tuple(tasks), verdict, self._began
+
+    def _begin_again(self) -> None:
+        """The arm is freed: the cycle begins again with the tick that begins now, and with what it began with."""
+        spans = self._progress.spans(self._tick)
+        self._began = self._began.again(self._tick, spans["pickup"], spans["dropoff"])
+        self._progress = TaskProgress(self.setup, self._began)
+        self._reasoning.forget(self._began)
+        self._enter_cycle(reset=True)
+
+    # ---- time limits --------------------------------------------------------------------------------------------
+
+    @property
+    def _trial_ticks(self) -> int:
+        """How many ticks the trial has had, resets included; the practice, since it was begun or repeated."""
+        return self._tick - self._began.counted_from
+
+    @property
+    def _task_ticks(self) -> int:
+        """How many ticks the current task has had, all attempts together."""
+        return self._progress.spans(self._tick)[self._progress.kind].ticks
+
+    def _is_over(self, limit_ticks: int, ticks: int) -> bool:
+        """Whether a limit is reached. What is falling already may come to rest first."""
+        return bool(limit_ticks) and ticks >= limit_ticks and not self._settling_ticks
+
+    def _end_trial(self, events: list[EngineEvent]) -> tuple[TaskRow, ...]:
+        """The trial's time is over: whatever is not done stays undone."""
+        self.finished = True
+        if self.setup.kind == "practice":
+            events.append(EngineEvent("practice_time_limit", {}))
+        return self._progress.rest(self._tick)
 
     def _enter_cycle(self, reset: bool) -> None:
         """A fresh world: arm at the start, belief forgotten, everything displaced restored."""
@@ -485,7 +549,8 @@ class TrialEngine:
         self._settling_ticks = 0
         self._loose_ticks = 0
         self._pressed_ticks = 0
-        self._reset_ticks_left = self.setup.timing.reset_ticks if reset else 0
+        self._is_freed = self._progress.attempt > 1
+        self._reset_ticks_left = max(self.setup.timing.reset_ticks, int(self._is_freed)) if reset else 0
         self._reasoning.begin_cycle()
         self._robot.reset(self.scene)
         self._world = self._robot.observe()

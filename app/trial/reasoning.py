@@ -76,13 +76,17 @@ class Reasoning:
         self._setup = setup
         self._limit = limit
         self._told = asking or _tell_nobody
-        self._inference_memory, self._arbiter_memory = start.inference_memory, start.arbiter_memory
+        self.forget(start)
         self._last: tuple[State, Belief, Direction | None, Direction] | None = None
 
     @property
     def memories(self) -> tuple[str, str]:
         """What inference and arbiter remember, as JSON."""
         return self._inference_memory, self._arbiter_memory
+
+    def forget(self, start: CycleStart) -> None:
+        """Take back to what both remembered there; `begin_cycle` follows."""
+        self._inference_memory, self._arbiter_memory = start.inference_memory, start.arbiter_memory
 
     def begin_cycle(self) -> None:
         """Make both anew, with what they remember: nothing else outlives a cycle, whether or not it was interrupted.

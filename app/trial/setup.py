@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -17,7 +18,7 @@ from app.autonomy.transition import TransitionModel
 from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.labels import Labels
 from app.trial.parts import ARBITERS, make_arbiter, make_distractor, make_inference, named, shelf
-from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TrialSetup
+from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TimeLimits, TrialSetup
 from app.trial.world import layout_of
 from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
@@ -26,7 +27,7 @@ from study.definition.sections import MODEL_FIELDS, ArbiterSettings, DistractorS
 from study.definition.study import SessionPlan, Study
 from study.parts.errors import PartError
 from study.parts.shelf import Named, code_among
-from study.records import TrialRow
+from study.records import TICK_S, TrialRow
 
 CALIBRATION_SEED = 2020
 """Fixed, so that every lab that runs the same study file gets the same alpha."""
@@ -122,6 +123,10 @@ class StudySetup:
                 settle_timeout_ticks=settings.settle_timeout_ticks,
                 reset_ticks=settings.reset_ticks,
             ),
+            limits=TimeLimits(
+                task_ticks=_ticks(self.study.task_limit_s) if kind == "trial" else 0,
+                trial_ticks=_ticks(self.study.trial_limit_s),
+            ),
         )
 
     def trial_row(self, participant: str, plan: SessionPlan, trial: int) -> TrialRow:
@@ -193,6 +198,11 @@ def study_setup(study: Study, trust: bool = False) -> StudySetup:
         setup.arbiter(condition.id)
         make_inference(setup.inferences[condition.id], setup.models(condition.id))
     return setup
+
+
+def _ticks(limit_s: float) -> int:
+    """The first tick at whose end so much time has passed."""
+    return math.ceil(limit_s / TICK_S)
 
 
 def _models(settings: ArbiterSettings, instead: Mapping[str, Any]) -> Models:

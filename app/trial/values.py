@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from app.autonomy.actions import Direction
@@ -21,12 +21,14 @@ STILL: Vector3 = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class UserInput:
-    """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause."""
+    """What the person did for one tick. `direction` None = hands off; `after_pause` = the tick follows a pause;
+    `free` = somebody frees the arm, and the cycle begins again with this tick."""
 
     direction: Direction | None = None
     gripper: Literal["open", "close"] | None = None
     seq: int | None = None
     after_pause: bool = False
+    free: bool = False
 
 
 NO_INPUT = UserInput()
@@ -41,6 +43,14 @@ class RobotTiming:
     gripper_ticks: int = 2
     settle_timeout_ticks: int = 12
     reset_ticks: int = 4
+
+
+@dataclass(frozen=True)
+class TimeLimits:
+    """How many ticks a task and a trial may take, all attempts together; 0 = as many as they need."""
+
+    task_ticks: int = 0
+    trial_ticks: int = 0
 
 
 @dataclass(frozen=True)
@@ -66,18 +76,54 @@ class TrialSetup:
     inference: Named = BOLTZMANN
     models: Models = field(default_factory=Models)
     timing: RobotTiming = field(default_factory=RobotTiming)
+    limits: TimeLimits = field(default_factory=TimeLimits)
+
+
+@dataclass(frozen=True)
+class TaskSpan:
+    """The ticks of one task so far, over all attempts of its cycle: the first, the last, and how many."""
+
+    first_tick: int | None = None
+    last_tick: int | None = None
+    ticks: int = 0
+
+    def and_then(self, first_tick: int, last_tick: int) -> TaskSpan:
+        """With the ticks of one attempt more."""
+        first = first_tick if self.first_tick is None else self.first_tick
+        return TaskSpan(first, last_tick, self.ticks + last_tick - first_tick + 1)
 
 
 @dataclass(frozen=True)
 class CycleStart:
     """Where to take a trial up again: the cycle (from 1), its first tick, what lies in the bins already, and what the
-    arbiter and the inference remember, as JSON; "" before they were first made."""
+    arbiter and the inference remember, as JSON; "" before they were first made.
+
+    `attempt` is how often the cycle has been begun; after the first, `first_tick` is the one that freed the arm, and
+    `pickup` and `dropoff` hold what the attempts before have taken. `counted_from` is the tick from which the trial's
+    time limit counts.
+    """
 
     cycle: int = 1
     first_tick: int = 0
     delivered: tuple[tuple[str, Pose], ...] = ()
     arbiter_memory: str = ""
     inference_memory: str = ""
+    attempt: int = 1
+    pickup: TaskSpan = TaskSpan()
+    dropoff: TaskSpan = TaskSpan()
+    counted_from: int = 0
+
+    def again(self, first_tick: int, pickup: TaskSpan, dropoff: TaskSpan) -> CycleStart:
+        """Another attempt, from that tick on; the spans are those of the tasks so far."""
+        return replace(self, first_tick=first_tick, attempt=self.attempt + 1, pickup=pickup, dropoff=dropoff)
+
+    def after(self, rows: Sequence[TickRow]) -> CycleStart:
+        """Another attempt after this one, whose ticks these rows are."""
+        spans = {"pickup": self.pickup, "dropoff": self.dropoff}
+        for row in rows:
+            if row.kind is not None:
+                spans[row.kind] = spans[row.kind].and_then(row.tick, row.tick)
+        return self.again(rows[-1].tick + 1 if rows else self.first_tick, **spans)
 
 
 @dataclass(frozen=True)
@@ -106,11 +152,14 @@ class TrialView:
     """Verdict of the task that ended in this tick."""
     hint: Hint | None = None
     """What to do, when the arm does not move."""
+    ending: Literal["task", "trial"] | None = None
+    """Whose time limit is near; None = neither."""
 
 
 @dataclass(frozen=True)
 class TickResult:
-    """What one tick left behind. `cycle_start` is set on the last tick before a new cycle."""
+    """What one tick left behind. `cycle_start` is set on the last tick before a new cycle, and on the first of another
+    attempt."""
 
     row: TickRow
     tasks: tuple[TaskRow, ...]
@@ -130,7 +179,7 @@ def inputs_of(row: TickRow) -> UserInput:
         gripper = "open"
     elif row.gripper_input == "close":
         gripper = "close"
-    return UserInput(direction, gripper, row.input_seq, bool(row.after_pause))
+    return UserInput(direction, gripper, row.input_seq, bool(row.after_pause), row.source == "free")
 
 
 def cycle_to_json(start: CycleStart) -> str:
@@ -138,7 +187,9 @@ def cycle_to_json(start: CycleStart) -> str:
     delivered = [[name, pose.position_world_m, pose.quaternion_wxyz] for name, pose in start.delivered]
     fields = {"cycle": start.cycle, "first_tick": start.first_tick, "delivered": delivered}
     memories = {name: getattr(start, name) for name in _MEMORIES if getattr(start, name) not in ("", "null")}
-    return json.dumps({**fields, **memories})
+    again = {name: getattr(start, name) for name in _COUNTS if getattr(start, name) != getattr(CycleStart(), name)}
+    spans = {name: vars(getattr(start, name)) for name in _SPANS if getattr(start, name) != TaskSpan()}
+    return json.dumps({**fields, **memories, **again, **spans})
 
 
 def cycle_from_json(text: str) -> CycleStart:
@@ -146,7 +197,11 @@ def cycle_from_json(text: str) -> CycleStart:
     fields: dict[str, Any] = json.loads(text)
     delivered = tuple((name, Pose(tuple(position), tuple(wxyz))) for name, position, wxyz in fields["delivered"])
     memories = {name: fields.get(name, "") for name in _MEMORIES}
-    return CycleStart(fields["cycle"], fields["first_tick"], delivered, **memories)
+    again: dict[str, Any] = {name: fields[name] for name in _COUNTS if name in fields}
+    again |= {name: TaskSpan(**fields[name]) for name in _SPANS if name in fields}
+    return CycleStart(fields["cycle"], fields["first_tick"], delivered, **memories, **again)
 
 
 _MEMORIES = ("arbiter_memory", "inference_memory")
+_COUNTS = ("attempt", "counted_from")
+_SPANS = ("pickup", "dropoff")

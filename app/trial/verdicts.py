@@ -32,6 +32,8 @@ class Verdict:
 
 
 SUCCESS = Verdict("success")
+TIME_LIMIT = Verdict("failure", "time_limit")
+"""The time that the study gives is over: what would have become of the task is not known."""
 
 
 def pickup_verdict(scene: SceneSpec, world: WorldState, object_id: str, waited_out: bool = False) -> Verdict | None:

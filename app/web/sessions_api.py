@@ -115,6 +115,8 @@ class SessionReply(BaseModel):
     """Time to the page and back, in milliseconds; null if not measured."""
     overruns: int
     """Ticks of this trial that started more than 50 ms late."""
+    frees: int
+    """How often the arm was freed in this practice or trial, by whomever."""
     device: str | None
     """What the hands are read from; null before the page said so."""
     created_utc: str
@@ -212,6 +214,7 @@ def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Session
         tasks=view.tasks if view else None,
         round_trip_ms=live.vitals.round_trip_ms if live else None,
         overruns=live.vitals.overruns if live else 0,
+        frees=live.vitals.frees if live else 0,
         device=live.vitals.device if live else None,
         created_utc=stored.created_utc,
         allowed=list(now.allowed),
@@ -239,6 +242,7 @@ def _command_route(name: CommandName, text: str, needs_words: bool = False) -> N
 _command_route("start", "Begin the practice or the trial that waits for its Start button.")
 _command_route("pause", "Hold the session where it is.")
 _command_route("resume", "Let the session go on.")
+_command_route("free_arm", "Free the arm: the pick-and-place under way begins again, with the next tick.")
 _command_route("repeat_practice", "Back from a trial that has not begun to its practice.")
 _command_route("abort_trial", "End the trial that is under way; it stays, marked, and the session goes on.", True)
 _command_route("abort", "End the session for good; its data stay.", True)

@@ -64,6 +64,11 @@ class ControlsState:
 
 
 @dataclass(frozen=True)
+class Free:
+    """Free the arm: the cycle begins again with the next tick, whatever the hands do."""
+
+
+@dataclass(frozen=True)
 class SetView:
     """Switch the camera."""
 
@@ -82,7 +87,7 @@ class Stop:
     """End the process."""
 
 
-WorkerCommand = Begin | Hold | ControlsState | SetView | Spectate | Stop
+WorkerCommand = Begin | Hold | ControlsState | Free | SetView | Spectate | Stop
 
 
 # ---- worker → lab -----------------------------------------------------------------------------------------------
@@ -122,6 +127,8 @@ class Ticked:
     missed: int
     explanation: Explanation = field(default_factory=dict)
     """What the arbiter says of its action; empty where it chose none."""
+    freeing: bool = False
+    """Whether the arm was to be freed with this tick; one that went back already was not."""
 
     @property
     def overrun(self) -> bool:

@@ -25,7 +25,7 @@ class OnDemandView:
         self._make = make
         self._view: SpectatorView | None = None
         self._looking = False
-        self._cycle = 0
+        self._shown = (0, 0)
         self._slices = 0
 
     def ask(self, looking: bool) -> None:
@@ -43,21 +43,21 @@ class OnDemandView:
         if self._looking and self._view is None:
             self._view = self._make()
             port = self._view.open()
-            self._cycle = 0
+            self._shown = (0, 0)
             self._draw(engine)
             return (port,)
         if not self._looking and self._view is not None:
             self.close()
             return (None,)
         self._slices += 1
-        if self._view is not None and (self._slices % EVERY_SLICES == 0 or self._cycle != engine.cycle):
+        if self._view is not None and (self._slices % EVERY_SLICES == 0 or self._shown != engine.place):
             self._draw(engine)
         return None
 
     def _draw(self, engine: TrialEngine) -> None:
         assert self._view is not None
-        if self._cycle != engine.cycle:
-            self._cycle = engine.cycle
+        if self._shown != engine.place:
+            self._shown = engine.place
             self._view.show(engine.scene, engine.delivered)
         belief = engine.belief.as_dict() if engine.belief is not None else {}
         self._view.update(engine.world, engine.delivered, belief, engine.goal)

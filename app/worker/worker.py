@@ -1,7 +1,7 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
     commands ──► Worker ──► reports
-    Begin, Hold, ControlsState, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Asking,
+    Begin, Hold, ControlsState, Free, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Asking,
     PartFailed, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
@@ -37,6 +37,7 @@ from app.worker.messages import (
     Begin,
     ControlsState,
     Failed,
+    Free,
     Hold,
     HoldChanged,
     PartFailed,
@@ -113,7 +114,7 @@ class Worker:
         self._spec = spec
         self._engine = engine
         self._scene = scene
-        self._scene_cycle = 0
+        self._shown = (0, 0)
         self._scene_goal: str | None = None
         self._spectator_view = spectator_view
         self._latch = InputLatch(spec.heartbeat_timeout_s, TICK_S)
@@ -121,6 +122,7 @@ class Worker:
         self._running = False
         self._held = False
         self._resumed = False
+        self._free = False
         self._stopping = False
         self._tick_ends_s = 0.0
 
@@ -169,6 +171,8 @@ class Worker:
             self._running = False
             self._held = False
             self._pacer.stop()
+        elif isinstance(command, Free):
+            self._free = True
         elif isinstance(command, SetView):
             if self._scene is not None:
                 self._scene.set_view(command.name)
@@ -191,10 +195,11 @@ class Worker:
 
     def _lockstep_tick(self) -> None:
         started_unix_s = self._spec.clock_offset_s + time.monotonic()
-        result = self._engine.tick(self._take_input(time.monotonic()))
+        user_input = self._take_input(time.monotonic())
+        result = self._engine.tick(user_input)
         self._draw()
-        told = self._engine.explain()
-        self._connection.send(Ticked(result, self._world_in_numbers(), self._latch.seq, started_unix_s, None, 0, told))
+        world, told = self._world_in_numbers(), self._engine.explain()
+        self._connection.send(Ticked(result, world, self._latch.seq, started_unix_s, None, 0, told, user_input.free))
 
     def _pace(self) -> None:
         """Wait for the next deadline and run its tick, if the page is there."""
@@ -220,7 +225,8 @@ class Worker:
     def _real_time_tick(self, deadline: Deadline) -> None:
         started_unix_s = self._spec.clock_offset_s + time.monotonic()
         self._tick_ends_s = deadline.due_s + TICK_S
-        self._engine.begin(self._take_input(time.monotonic()))
+        user_input = self._take_input(time.monotonic())
+        self._engine.begin(user_input)
         seq = self._latch.seq
         for index in range(SLICES_PER_TICK):
             due_s = deadline.due_s + index * SLICE_S
@@ -232,7 +238,8 @@ class Worker:
         result = self._engine.end()
         late_ms = deadline.late_s * 1000.0
         world, told = self._world_in_numbers(), self._engine.explain()
-        self._connection.send(Ticked(result, world, seq, started_unix_s, late_ms, deadline.missed, told))
+        missed = deadline.missed
+        self._connection.send(Ticked(result, world, seq, started_unix_s, late_ms, missed, told, user_input.free))
         self._draw(ended=result)
 
     def _tend_views(self) -> None:
@@ -264,16 +271,16 @@ class Worker:
         )
 
     def _take_input(self, now_s: float) -> UserInput:
-        user_input = replace(self._latch.take(now_s), after_pause=self._resumed)
-        self._resumed = False
+        user_input = replace(self._latch.take(now_s), after_pause=self._resumed, free=self._free)
+        self._resumed = self._free = False
         return user_input
 
     def _draw(self, ended: TickResult | None = None) -> None:
-        """Show the world as it is now; a new cycle's scene replaces the old one."""
+        """Show the world as it is now; the scene of a new cycle, or of another attempt, replaces the old one."""
         if self._scene is None:
             return
-        if self._scene_cycle != self._engine.cycle:
-            self._scene_cycle = self._engine.cycle
+        if self._shown != self._engine.place:
+            self._shown = self._engine.place
             self._scene.show(self._engine.scene, self._engine.delivered)
             self._scene_goal = None
         elif ended is not None:

@@ -52,6 +52,18 @@ export const COMMANDS = [
     field: { label: `Remark (optional. ${WORDS})`, required: false },
   },
   {
+    name: "free_arm",
+    label: "Free the arm",
+    done: "the arm is freed with the next tick.",
+    title: (who) => `Free the arm of ${who}?`,
+    confirm: "Free the arm",
+    text: [
+      "The pick-and-place under way begins again: the arm goes back to its start, and the object to where it stood. Both attempts stay in the data, and both count.",
+      "In a pause it is done as soon as the session goes on.",
+    ],
+    field: { label: `Reason (optional. ${WORDS})`, required: false },
+  },
+  {
     name: "repeat_practice",
     label: "Repeat practice",
     done: "goes back to practice.",

@@ -32,6 +32,7 @@ const SOURCES = {
   idle: "nobody: the robot waits",
   gripper: "nobody: the fingers move",
   reset: "nobody: the arm goes back",
+  free: "nobody: the arm was freed and goes back",
 };
 /**
  * Who moves the arm, and how far from what the participant asks where that is not the same.
@@ -238,6 +239,7 @@ export class SessionPage {
       ["Signals from the page", session ? `${session.signals_per_s.toFixed(1)} a second` : "–"],
       ["Round trip", told(session?.round_trip_ms, (ms) => `${Math.round(ms)} ms`)],
       ["Late ticks", session ? String(session.overruns) : "–"],
+      ["Arm freed", session ? `${session.frees} times` : "–"],
       ["Device", session?.device ?? "–"],
       ["Page", told(session?.visible, (visible) => `${visible ? "visible" : "hidden"}, ${focus}`)],
       ["Sound", told(session?.sound, (sound) => (sound ? "heard" : "not heard"), "not tested yet")],

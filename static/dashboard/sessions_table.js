@@ -92,6 +92,7 @@ function remarks(session) {
       }`,
     );
   if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
+  if (session.frees > 0) list.push(`arm freed ${session.frees === 1 ? "once" : `${session.frees} times`}`);
   if (session.connected && session.visible === false) list.push("page hidden");
   else if (session.connected && session.focused === false) list.push("page without focus");
   if (session.sound === false) list.push("sound not heard");

@@ -6,6 +6,7 @@ import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
 import { legendFor, UNKNOWN_KEY } from "./controls.js";
+import { FreeButton, TimeWords } from "./freeing.js";
 import { hintText } from "./hint.js";
 import { indicator } from "./indicator.js";
 import { Inset } from "./inset.js";
@@ -88,6 +89,8 @@ export class DriveView {
       this.pictures,
     );
     this.progress = new Progress();
+    this.time = new TimeWords();
+    this.free = new FreeButton({ socket, onDialog: (open) => this.dialog(open) });
     this.hintText = h("span", {});
     this.hint = h(
       "p",
@@ -130,6 +133,12 @@ export class DriveView {
       this.instruction,
       this.inset.element,
       this.progress.element,
+      h(
+        "section",
+        { class: "side-card way-out", "aria-label": t("If the arm is stuck") },
+        this.time.element,
+        this.free.element,
+      ),
       h("section", { class: "side-card controls", "aria-label": t("Controls") }, this.hands.element, this.legend),
     );
     this.hands.words.append(this.gripper);
@@ -418,6 +427,9 @@ export class DriveView {
     this.alert?.pause(
       state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",
     );
+    this.time.show(this._ticking() ? (this.tick?.ending ?? null) : null);
+    const driven = this._ticking() || this.page.state === "paused";
+    this.free.offer(state === "resetting" ? "returning" : driven && state !== "lost" ? "yes" : "no");
     this.alert?.conceal(this.page.state === "paused");
     this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
     this.input.drive(this._driving());

@@ -18,10 +18,12 @@ from study.analysis import effect_sizes as effects
 from study.analysis import linear_model as statistics
 from study.analysis.dataset import DataSet
 from study.analysis.effect_sizes import NotFitted
+from study.analysis.hazard_model import Hazards, until_done
 from study.analysis.linear_model import Anova, Pair, RepeatedMeasures, Slope
 from study.analysis.measures import Measures, TaskKind
 from study.analysis.mixed_model import MixedModel, mixed_model
 from study.analysis.observations import Observation, observations, survey_observations
+from study.analysis.sensitivity import LEFT_OUT, LeftOut, timed_tasks, without
 from study.analysis.summaries import Summary, summary
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
@@ -92,12 +94,26 @@ class GoalTrend:
 
 
 @dataclass(frozen=True)
+class Subset:
+    """The objective comparisons once more, over fewer tasks."""
+
+    left_out: LeftOut
+    tasks: int
+    """How many were left out."""
+    comparisons: tuple[Comparison, ...]
+
+
+@dataclass(frozen=True)
 class Analysis:
     """Everything that is reported."""
 
     data: DataSet
     comparisons: tuple[Comparison, ...]
     trends: tuple[GoalTrend, ...]
+    subsets: tuple[Subset, ...] = ()
+    """Without freed cycles and without tasks over their time, if there are any."""
+    hazards: tuple[tuple[TaskKind, Hazards | NotFitted], ...] = ()
+    """Time to the end of a task, with tasks over their time as right-censored; if there are any."""
 
     def comparison(self, measure: str, kind: TaskKind | None = None) -> Comparison | None:
         """The comparison of that measure and kind; None = it was not measured (such as a questionnaire not asked)."""
@@ -121,7 +137,36 @@ def analyse(data: DataSet) -> Analysis:
         compare(survey_observations(data.scores, name), name, None, conditions, own=own.get(name))
         for name in sorted({item.instrument for item in data.scores})
     ]
-    return Analysis(data, tuple(comparisons), goal_trends(data.measures, conditions))
+    return Analysis(
+        data,
+        tuple(comparisons),
+        goal_trends(data.measures, conditions),
+        subsets(data.measures, conditions),
+        hazards(data.measures, conditions),
+    )
+
+
+def subsets(measures: Measures, conditions: Sequence[str]) -> tuple[Subset, ...]:
+    """Whether the results hang on freed cycles, or on tasks that a time limit ended; none where there are none."""
+    found = []
+    for left_out in LEFT_OUT:
+        fewer = without(measures, left_out)
+        count = len(measures.tasks) - len(fewer.tasks)
+        if count:
+            compared = tuple(
+                compare(observations(fewer, measure, kind), measure, kind, conditions, mixed=False, intervals=False)
+                for measure in (*OBJECTIVE, "window_rate")
+                for kind in COMPARED_KINDS
+            )
+            found.append(Subset(left_out, count, compared))
+    return tuple(found)
+
+
+def hazards(measures: Measures, conditions: Sequence[str]) -> tuple[tuple[TaskKind, Hazards | NotFitted], ...]:
+    """How much sooner tasks end under each condition, where a time limit ended any."""
+    if not any(task.censored for task in measures.tasks):
+        return ()
+    return tuple((kind, until_done(timed_tasks(measures, kind), conditions)) for kind in COMPARED_KINDS)
 
 
 # ---- by which model -------------------------------------------------------------------------------------------------

@@ -10,20 +10,20 @@ import json
 from collections import Counter
 from collections.abc import Generator, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from study.analysis.measures import Measures, measure
+from study.analysis.measures import TIME_LIMIT, Measures, measure
 from study.analysis.summaries import conditions_of
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
 from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
-from study.records import AlertRow, ParticipantRow, StudyError, TaskRow, TrialRow
+from study.records import AlertRow, EventRow, ParticipantRow, StudyError, TaskRow, TrialRow
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",
@@ -34,7 +34,10 @@ _TICK_TYPES: dict[str, Any] = {
     "after_pause": "int64",
     "belief": object,
     "entropy": "float64",
+    "attempt": "int64",
 }
+_FIRST_ATTEMPT = "attempt"
+"""The column that exports had not before the arm could be freed: everything in them is a first attempt."""
 _BLOCK_ROWS = 200_000
 
 
@@ -53,6 +56,26 @@ class LightTick(NamedTuple):
     after_pause: int
     belief: str
     entropy: float
+    attempt: int = 1
+
+
+@dataclass(frozen=True)
+class EndedSummary:
+    """What did not end by itself under one condition: freed arms and time limits."""
+
+    condition: str
+    cycles: int
+    """Pick-and-places of the trials analysed."""
+    freed_cycles: int
+    """Those in which the arm was freed."""
+    frees: int
+    """How often it was."""
+    by_participant: int
+    by_experimenter: int
+    pickups_over_time: int
+    dropoffs_over_time: int
+    not_run_for_time: int
+    """Tasks that the trial's time limit left undone."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +122,7 @@ class Quality:
     alerts: tuple[AlertSummary, ...]
     missing_surveys: dict[str, int]
     """Questionnaire to completed trials without it."""
+    ended: tuple[EndedSummary, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -166,18 +190,26 @@ def load(folder: Path | str) -> DataSet:
                 notes.append(f"Questionnaire {name} differs between the study files; all its answers are scored alike.")
     scores = survey_scores(answers, own)
     alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
+    conditions = conditions_of(measures)
+    who_freed = [
+        row
+        for row in read_table(folder, "events")
+        if row.kind == "arm_freed" and (row.participant, row.trial) in kept and '"phase": "trial"' in row.data
+    ]
+    ended = _ended(conditions, trials, tasks, who_freed)
     parameters, changed = _parameters(trials)
+    quality = _quality(everyone, people, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed])
     data = DataSet(
         name=folder.name,
         meta=meta,
-        conditions=conditions_of(measures),
+        conditions=conditions,
         participants=tuple(people),
         trials=tuple(trials),
         measures=measures,
         scores=scores,
         parameters=parameters,
         studies=studies,
-        quality=_quality(everyone, people, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed]),
+        quality=replace(quality, ended=ended),
     )
     return data
 
@@ -205,12 +237,12 @@ class _Ticks:
         path = self._folder / "ticks.csv"
         try:
             header = pd.read_csv(path, nrows=0).columns
-            missing = [name for name in _TICK_TYPES if name not in header]
+            missing = [name for name in _TICK_TYPES if name not in header and name != _FIRST_ATTEMPT]
             if missing:
                 raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             with pd.read_csv(
                 path,
-                usecols=list(_TICK_TYPES),
+                usecols=[name for name in _TICK_TYPES if name in header],
                 dtype=_TICK_TYPES,
                 keep_default_na=False,
                 na_values={"task": [""]},
@@ -235,7 +267,7 @@ class _Ticks:
             rows = rows[[place in self._kept for place in places]]
         self.ticks += len(rows)
         self.pauses += int(rows["after_pause"].sum())
-        return map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES))
+        return map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES if name in rows))
 
 
 def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:
@@ -363,6 +395,33 @@ def _quality(
         missing_surveys=missing,
         notes=tuple(notes),
     )
+
+
+def _ended(
+    conditions: tuple[str, ...], trials: list[TrialRow], tasks: list[TaskRow], freed: list[EventRow]
+) -> tuple[EndedSummary, ...]:
+    """Of each condition: freed arms, by whom as far as events say so, and what time limits ended."""
+    of_trial = {(row.participant, row.trial): row.condition for row in trials}
+    asked = Counter((of_trial[row.participant, row.trial or 0], row.source) for row in freed)
+    found = []
+    for condition in conditions:
+        of = [task for task in tasks if task.condition == condition]
+        attempts = [task.attempts for task in of if task.kind == "pickup"]
+        over = Counter((task.kind, task.outcome) for task in of if task.reason == TIME_LIMIT)
+        found.append(
+            EndedSummary(
+                condition=condition,
+                cycles=len(attempts),
+                freed_cycles=sum(count > 1 for count in attempts),
+                frees=sum(attempts) - len(attempts),
+                by_participant=asked[condition, "participant"],
+                by_experimenter=asked[condition, "experimenter"],
+                pickups_over_time=over["pickup", "failure"],
+                dropoffs_over_time=over["dropoff", "failure"],
+                not_run_for_time=over["pickup", "not_run"] + over["dropoff", "not_run"],
+            )
+        )
+    return tuple(found)
 
 
 def _alert_summary(condition: str, alerts: list[AlertRow]) -> AlertSummary:

@@ -8,7 +8,11 @@ Words used here, all of them about the ticks of one task:
 - a *control tick* has source user, blend, robot or idle; gripper and reset ticks have not (settling counts as gripper);
 - a *user action* is a tick with source user or blend: the person gave a direction, whether or not it was taken;
 - a *window* is a longest run of at least `WINDOW_TICKS` control ticks without a user action. A user action, a gripper
-  tick, a pause (`after_pause` stands on the first tick after it), a reset and the end of the task end it.
+  tick, a pause (`after_pause` stands on the first tick after it), a reset, freeing the arm and the end of the task end
+  it;
+- an *attempt* ends when the arm is freed, and the pick-and-place begins again. A task's ticks are those of all
+  attempts: they count as its efficiency, and as user actions until its belief has converged for good;
+- a task is *censored* when a time limit ended it: it would have taken longer than was seen.
 
 Failed pickups are analysed, as in the paper; dropoffs that failed or were not run are not (`TaskMeasures.analysed`).
 """
@@ -34,7 +38,9 @@ TIE = 1e-12
 USER_SOURCES = frozenset({"user", "blend"})
 CONTROL_SOURCES = USER_SOURCES | {"robot", "idle"}
 TaskKind = Literal["all", "pickup", "dropoff"]
-WindowEnd = Literal["user", "gripper", "pause", "task"]
+WindowEnd = Literal["user", "gripper", "pause", "free", "task"]
+TIME_LIMIT = "time_limit"
+"""The reason of a task that a time limit ended, or that came after the trial's."""
 
 
 class TickLike(Protocol):
@@ -56,6 +62,8 @@ class TickLike(Protocol):
     def belief(self) -> str: ...
     @property
     def entropy(self) -> float: ...
+    @property
+    def attempt(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -79,7 +87,11 @@ class TaskMeasures:
     convergence_user_actions: int | None
     """*Belief convergence speed*; None = never converged. See `convergence`."""
     missing_ticks: int
-    """Ticks between the task's first and last that have no row."""
+    """Ticks between the task's first and last, in the same attempt, that have no row."""
+    attempts: int = 1
+    """Attempts at its pick-and-place; 1 = the arm was never freed in it."""
+    censored: bool = False
+    """Whether a time limit ended it: its ticks and user actions are the least it would have taken."""
 
 
 @dataclass(frozen=True)
@@ -166,23 +178,26 @@ def convergence(goal: str, ticks: Sequence[TickLike]) -> int | None:
 def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
     """Measure every task given, from the ticks that belong to it; other ticks (other trials, resets) are passed over.
 
-    Ticks stand in the order of the export (participant, trial, tick) and are read once, as a stream. Raises
-    `StudyError` for a task without ticks, ticks out of order, or a belief that cannot be read.
+    Ticks stand in the order of the export (participant, trial, tick) and are read once, as a stream, a trial at a time:
+    a task's may stand apart, one attempt after the other. Raises `StudyError` for a task without ticks, ticks out of
+    order, or a belief that cannot be read.
     """
     rows = {(row.participant, row.trial, row.task): row for row in tasks}
     not_run = tuple(row for row in rows.values() if row.outcome == "not_run")
     wanted = {key: row for key, row in rows.items() if row.outcome != "not_run"}
     measured: dict[tuple[str, int, int], tuple[TaskMeasures, tuple[WindowMeasures, ...]]] = {}
-    for key, group in groupby(ticks, key=lambda tick: (tick.participant, tick.trial, tick.task)):
-        participant, trial, task = key
-        if task is None or (participant, trial, task) not in wanted:
-            continue
-        name = (participant, trial, task)
-        if name in measured:
-            raise StudyError(
-                f"{_place(wanted[name])}: its ticks are not together; sort them by participant, trial, tick"
-            )
-        measured[name] = measure_task(wanted[name], list(group))
+    for (participant, trial), of_trial in groupby(ticks, key=lambda tick: (tick.participant, tick.trial)):
+        of_task: dict[int, list[TickLike]] = {}
+        for tick in of_trial:
+            if tick.task is not None and (participant, trial, tick.task) in wanted:
+                of_task.setdefault(tick.task, []).append(tick)
+        for task, found_ticks in of_task.items():
+            name = (participant, trial, task)
+            if name in measured:
+                raise StudyError(
+                    f"{_place(wanted[name])}: its ticks are not together; sort them by participant, trial, tick"
+                )
+            measured[name] = measure_task(wanted[name], found_ticks)
     for key, row in wanted.items():
         if key not in measured:
             raise StudyError(f"{_place(row)}: outcome {row.outcome}, but it has no ticks; export the data again")
@@ -205,9 +220,6 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
             f"{_place(row)}: a belief is not JSON of goal id to probability; export the data again"
         ) from None
     analysed = row.kind == "pickup" or row.outcome == "success"
-    expected = len(ticks)
-    if row.first_tick is not None and row.last_tick is not None:
-        expected = row.last_tick - row.first_tick + 1
     task = TaskMeasures(
         participant=row.participant,
         condition=row.condition,
@@ -222,12 +234,27 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
         efficiency_ticks=sum(tick.source in CONTROL_SOURCES for tick in ticks),
         user_actions=sum(tick.source in USER_SOURCES for tick in ticks),
         convergence_user_actions=_convergence(_leads(row.goal, beliefs), ticks),
-        missing_ticks=max(expected - len(ticks), 0),
+        missing_ticks=_missing(row, ticks),
+        attempts=row.attempts,
+        censored=row.reason == TIME_LIMIT,
     )
     windows = tuple(
         _window(row, analysed, ticks, beliefs, start, stop, ended_by) for start, stop, ended_by in _runs(ticks)
     )
     return task, windows
+
+
+def _missing(row: TaskRow, ticks: Sequence[TickLike]) -> int:
+    """Ticks without a row, within each attempt and towards the task's first and last one."""
+    numbers = [(tick.attempt, tick.tick) for tick in ticks]
+    gaps = sum(
+        later - earlier - 1
+        for (before, earlier), (attempt, later) in pairwise(numbers)
+        if attempt == before and later > earlier
+    )
+    if row.first_tick is not None and row.last_tick is not None and numbers:
+        gaps += max(numbers[0][1] - row.first_tick, 0) + max(row.last_tick - numbers[-1][1], 0)
+    return gaps
 
 
 def _convergence(leads: Sequence[bool | None], ticks: Sequence[TickLike]) -> int | None:
@@ -278,12 +305,13 @@ def _runs(ticks: Sequence[TickLike]) -> Iterator[tuple[int, int, WindowEnd]]:
     start: int | None = None
     for index, tick in enumerate(ticks):
         no_input = tick.source in CONTROL_SOURCES - USER_SOURCES
-        broken = bool(tick.after_pause) or (index > 0 and tick.tick != ticks[index - 1].tick + 1)
+        again = index > 0 and tick.attempt != ticks[index - 1].attempt
+        broken = again or bool(tick.after_pause) or (index > 0 and tick.tick != ticks[index - 1].tick + 1)
         if start is not None and (broken or not no_input):
             if index - start >= WINDOW_TICKS:
                 ended_by: WindowEnd = "task"
                 if broken:
-                    ended_by = "pause"
+                    ended_by = "free" if again else "pause"
                 elif tick.source == "gripper" or tick.source in USER_SOURCES:
                     ended_by = "gripper" if tick.source == "gripper" else "user"
                 yield start, index, ended_by

@@ -97,6 +97,17 @@ def methods(analysis: Analysis) -> list[str]:
         "of differences) with 95 % confidence intervals from noncentral distributions. Slopes over the number of goals "
         "are least squares over windows. The significance level was .05.",
     ]
+    if any(item.frees or item.pickups_over_time or item.dropoffs_over_time for item in quality.ended):
+        paragraphs.append(
+            "Whenever the arm was freed, the pick-and-place began again; the ticks of all attempts count, windows end "
+            "with an attempt, and user actions until convergence are those of all attempts. A pickup that a time limit "
+            "ended enters with the ticks it had, which are the least it would have taken; a dropoff that one ended is "
+            "left out as any that failed. Whether the results hang on either was looked at in three ways: without "
+            "pick-and-places in which the arm was freed, without tasks that a time limit ended, and by Cox's "
+            "proportional hazards model of the ticks without gripper and reset ticks until a task was over, in which "
+            "tasks that a time limit ended, dropoffs too, are right-censored (participants as strata, Efron's method "
+            "for ties, the condition tested by Wald's χ²)."
+        )
     if scales:
         text = " ".join(_scale(form) for form in scales)
         paragraphs.append(f"After each trial participants answered questionnaires. {text}")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,12 @@ from typing import Any
 from study.analysis.analysis import KIND_TITLES, Analysis, Comparison
 from study.analysis.dataset import AnalysisError
 from study.analysis.effect_sizes import Interval, NotFitted
-from study.analysis.figures import HEATMAP_NAME, Heatmap, Picture, draw_all, looks
+from study.analysis.ended_section import ended_section
+from study.analysis.figures import HEATMAP_NAME, Heatmap, Picture, draw_all
 from study.analysis.linear_model import Pair, RepeatedMeasures
 from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.analysis.method_text import interval, mean_sd, methods, number, p_value, settings
+from study.analysis.report_pieces import label_of, name_of, relation, table
 from study.analysis.summaries import summarise
 from study.analysis.tables import MEASURES_FORMAT, all_tables, measures_json
 
@@ -89,7 +91,7 @@ def html_page(analysis: Analysis, pictures: Sequence[Picture]) -> str:
         f"<p class=lead>Data set “{escape(data.name)}”: {quality.participants} participants, "
         f"{quality.trials} completed trials, {len(data.measures.analysed_tasks())} tasks analysed, {quality.ticks:,} "
         "ticks. Conditions: "
-        f"{escape(', '.join(_name(analysis, c) for c in data.conditions))}.</p>",
+        f"{escape(', '.join(name_of(analysis, c) for c in data.conditions))}.</p>",
         *_warnings(analysis),
         "<h2>Results</h2>",
         _results_table(analysis),
@@ -110,6 +112,8 @@ def html_page(analysis: Analysis, pictures: Sequence[Picture]) -> str:
         _trend_table(analysis),
         "<h2>Tasks and windows</h2>",
         _counts_table(analysis),
+        "<h2>Freed arms and time limits</h2>",
+        *ended_section(analysis),
         "<h2>Data quality</h2>",
         *_quality(analysis),
         "<h2>Methods</h2>",
@@ -154,28 +158,6 @@ code { font-size: .85em; }
 """
 
 
-def _name(analysis: Analysis, condition: str) -> str:
-    return looks(analysis.data.conditions)[condition].name
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: int = 0, marked: Iterable[int] = ()) -> str:
-    """A table of ready HTML cells; the last `numbers` columns are set right, rows in `marked` bold."""
-    first = len(header) - numbers
-    bold = set(marked)
-
-    def cells(tag: str, row: Sequence[str]) -> str:
-        return "".join(f"<{tag}{' class=n' if i >= first else ''}>{cell}</{tag}>" for i, cell in enumerate(row))
-
-    lines = [f"<tr{' class=sig' if index in bold else ''}>{cells('td', row)}</tr>" for index, row in enumerate(rows)]
-    head = f"<thead><tr>{cells('th', header)}</tr></thead>" if any(header) else ""
-    return f"<div class=wide><table>{head}<tbody>{''.join(lines)}</tbody></table></div>"
-
-
-def _label(comparison: Comparison) -> str:
-    kind = f", {KIND_TITLES[comparison.kind]}" if comparison.kind else ""
-    return f"{comparison.measure.title}{kind}"
-
-
 def _warnings(analysis: Analysis) -> list[str]:
     quality, found = analysis.data.quality, []
     if analysis.data.meta.get("simulated"):
@@ -204,7 +186,7 @@ def _results_table(analysis: Analysis) -> str:
     rows, marked = [], []
     for index, comparison in enumerate(analysis.comparisons):
         decimals = comparison.measure.decimals
-        cells = [f"{escape(_label(comparison))} <span class=unit>({escape(comparison.measure.unit)})</span>"]
+        cells = [f"{escape(label_of(comparison))} <span class=unit>({escape(comparison.measure.unit)})</span>"]
         cells += [f"{mean_sd(found, decimals)}, {found.n}" for found in comparison.summaries.values()]
         anova = comparison.anova
         if isinstance(anova, NotFitted):
@@ -218,14 +200,14 @@ def _results_table(analysis: Analysis) -> str:
             if anova.p < 0.05:
                 marked.append(index)
         rows.append(cells)
-    names = [f"{escape(_name(analysis, c))}<br>M (SD), n" for c in analysis.data.conditions]
+    names = [f"{escape(name_of(analysis, c))}<br>M (SD), n" for c in analysis.data.conditions]
     header = ["Measure", *names, "Condition", "p", "η²<sub>p</sub> [90 % CI]"]
-    return _table(header, rows, numbers=len(names) + 3, marked=marked)
+    return table(header, rows, numbers=len(names) + 3, marked=marked)
 
 
 def _sentence(analysis: Analysis, comparison: Comparison) -> str:
     """A result as it would stand in a paper."""
-    head = f"<b>{escape(_label(comparison))}.</b> "
+    head = f"<b>{escape(label_of(comparison))}.</b> "
     anova = comparison.anova
     if isinstance(anova, NotFitted):
         return head + f"Not tested: {escape(anova.reason)}."
@@ -233,12 +215,12 @@ def _sentence(analysis: Analysis, comparison: Comparison) -> str:
     verdict = "Significant effect" if anova.p < 0.05 else "No significant effect"
     text = (
         f"{verdict} of condition, <i>F</i>({anova.df_effect}, {anova.df_error}) = {anova.f:.2f}, "
-        f"<i>p</i> {_relation(anova.p)}, η²<sub>p</sub> = {interval(anova.eta_squared, 2)} ({kind})"
+        f"<i>p</i> {relation(anova.p)}, η²<sub>p</sub> = {interval(anova.eta_squared, 2)} ({kind})"
     )
     if isinstance(comparison.model, RepeatedMeasures):
         text += (
             f"; Greenhouse–Geisser ε = {comparison.model.epsilon:.2f}, corrected <i>p</i> "
-            f"{_relation(comparison.model.p_corrected)}"
+            f"{relation(comparison.model.p_corrected)}"
         )
     pairs = [_pair_sentence(analysis, comparison, pair) for pair in comparison.pairs]
     text += ". " + ("Tukey HSD: " + "; ".join(pairs) + "." if pairs else "")
@@ -248,23 +230,18 @@ def _sentence(analysis: Analysis, comparison: Comparison) -> str:
 
 
 def _pair_sentence(analysis: Analysis, comparison: Comparison, pair: Pair) -> str:
-    names = _name(analysis, pair.first), _name(analysis, pair.second)
-    relation = "not different from"
+    names = name_of(analysis, pair.first), name_of(analysis, pair.second)
+    where = "not different from"
     if pair.p < 0.05:
-        relation = "above" if pair.difference.value > 0 else "below"
+        where = "above" if pair.difference.value > 0 else "below"
     effect = ""
     if isinstance(pair.effect, Interval):
         effect = f", {_effect_name(pair)} = {interval(pair.effect, 2)}"
-    return f"{escape(names[0])} {relation} {escape(names[1])} (<i>p</i> {_relation(pair.p)}{effect})"
+    return f"{escape(names[0])} {where} {escape(names[1])} (<i>p</i> {relation(pair.p)}{effect})"
 
 
 def _effect_name(pair: Pair) -> str:
     return {"Hedges' g": "Hedges’ <i>g</i>", "d_z": "<i>d<sub>z</sub></i>"}[pair.effect_name]
-
-
-def _relation(p: float) -> str:
-    text = p_value(p)
-    return escape(text) if text.startswith("<") else f"= {text}"
 
 
 def _figure(picture: Picture, index: int) -> str:
@@ -306,8 +283,8 @@ def _pairs_table(analysis: Analysis) -> str:
             effect = interval(pair.effect, 2) if isinstance(pair.effect, Interval) else escape(pair.effect.reason)
             rows.append(
                 (
-                    escape(_label(comparison)),
-                    f"{escape(_name(analysis, pair.first))} − {escape(_name(analysis, pair.second))}",
+                    escape(label_of(comparison)),
+                    f"{escape(name_of(analysis, pair.first))} − {escape(name_of(analysis, pair.second))}",
                     interval(pair.difference, comparison.measure.decimals),
                     p_value(pair.p),
                     f"{_effect_name(pair)} = {effect}",
@@ -316,7 +293,7 @@ def _pairs_table(analysis: Analysis) -> str:
     if not rows:
         return "<p>No comparison could be fitted.</p>"
     header = ("Measure", "Conditions", "Adjusted difference [95 % CI]", "p (Tukey)", "Effect size [95 % CI]")
-    return _table([escape(cell) for cell in header], rows, numbers=3, marked=marked)
+    return table([escape(cell) for cell in header], rows, numbers=3, marked=marked)
 
 
 def _mixed_table(analysis: Analysis) -> str:
@@ -326,15 +303,15 @@ def _mixed_table(analysis: Analysis) -> str:
         if model is None:
             continue
         if isinstance(model, NotFitted):
-            rows.append((escape(_label(comparison)), f"not fitted: {escape(model.reason)}", "", "", "", ""))
+            rows.append((escape(label_of(comparison)), f"not fitted: {escape(model.reason)}", "", "", "", ""))
             continue
         estimates = "<br>".join(
-            f"{escape(_name(analysis, condition))}: {interval(difference, decimals)}, p {_relation(p)}"
+            f"{escape(name_of(analysis, condition))}: {interval(difference, decimals)}, p {relation(p)}"
             for condition, difference, p in model.estimates
         )
         rows.append(
             (
-                escape(_label(comparison)),
+                escape(label_of(comparison)),
                 estimates,
                 f"χ²({model.df}) = {model.chi_squared:.2f}",
                 p_value(model.p),
@@ -342,16 +319,16 @@ def _mixed_table(analysis: Analysis) -> str:
                 escape(model.note or ""),
             )
         )
-    against = escape(_name(analysis, analysis.data.conditions[0]))
+    against = escape(name_of(analysis, analysis.data.conditions[0]))
     header = ("Measure", f"Difference from {against} [95 % CI]", "Condition (Wald)", "p")
-    return _table([*header, "SD of participants / residual", "Note"], rows)
+    return table([*header, "SD of participants / residual", "Note"], rows)
 
 
 def _trend_table(analysis: Analysis) -> str:
     counts = sorted({goals for trend in analysis.trends for goals in trend.by_goals})
     rows = []
     for trend in analysis.trends:
-        cells = [escape(_name(analysis, trend.condition))]
+        cells = [escape(name_of(analysis, trend.condition))]
         for goals in counts:
             found = trend.by_goals.get(goals)
             cells.append(f"{mean_sd(found, 4)}, {found.n}" if found else "none")
@@ -362,7 +339,7 @@ def _trend_table(analysis: Analysis) -> str:
             cells += [interval(slope.per_unit, 4), p_value(slope.p)]
         rows.append(cells)
     header = ["Condition", *(f"{goals} goals<br>M (SD), n" for goals in counts), "Slope per goal [95 % CI]", "p"]
-    return _table(header, rows, numbers=len(header) - 1)
+    return table(header, rows, numbers=len(header) - 1)
 
 
 def _counts_table(analysis: Analysis) -> str:
@@ -373,7 +350,7 @@ def _counts_table(analysis: Analysis) -> str:
             counts = of["tasks"][kind]["counts"]
             names: tuple[str, ...] = ("successes", "failures", "not_run", "analysed", "never_converged", "windows")
             names += ("windows_ended_by_user", "windows_above_entropy")
-            rows.append((escape(_name(analysis, condition)), title, *(str(counts[name]) for name in names)))
+            rows.append((escape(name_of(analysis, condition)), title, *(str(counts[name]) for name in names)))
     header: tuple[str, ...] = (
         "Condition",
         "Tasks",
@@ -386,11 +363,11 @@ def _counts_table(analysis: Analysis) -> str:
     )
     header += ("ended by user", f"of these H &gt; {GAIN_ENTROPY}")
     reasons = [
-        f"{item.tasks} × {item.kind} under {_name(analysis, item.condition)}: {item.reason.replace('_', ' ')}"
+        f"{item.tasks} × {item.kind} under {name_of(analysis, item.condition)}: {item.reason.replace('_', ' ')}"
         for item in analysis.data.quality.failures
     ]
     text = "; ".join(reasons) if reasons else "none"
-    return _table(header, rows, numbers=8) + f"<p>Failures: {escape(text)}.</p>"
+    return table(header, rows, numbers=8) + f"<p>Failures: {escape(text)}.</p>"
 
 
 def _quality(analysis: Analysis) -> list[str]:
@@ -406,12 +383,12 @@ def _quality(analysis: Analysis) -> list[str]:
     ]
     positions = sorted({place for of in quality.position_counts.values() for place in of})
     order = [
-        (escape(_name(analysis, condition)), *(str(of.get(place, 0)) for place in positions))
+        (escape(name_of(analysis, condition)), *(str(of.get(place, 0)) for place in positions))
         for condition, of in quality.position_counts.items()
     ]
     alerts = [
         (
-            escape(_name(analysis, item.condition)),
+            escape(name_of(analysis, item.condition)),
             str(item.raised),
             str(item.answered),
             str(item.correct),
@@ -420,18 +397,18 @@ def _quality(analysis: Analysis) -> list[str]:
         for item in quality.alerts
     ]
     variances = [
-        (escape(_label(item)), p_value(item.equal_variance_p))
+        (escape(label_of(item)), p_value(item.equal_variance_p))
         for item in analysis.comparisons
         if item.equal_variance_p is not None
     ]
     return [
-        _table(("", ""), [(escape(name), escape(value)) for name, value in facts]),
+        table(("", ""), [(escape(name), escape(value)) for name, value in facts]),
         "<h3>Trials by place in the order</h3>",
-        _table(("Condition", *(f"place {place}" for place in positions)), order, numbers=len(positions)),
+        table(("Condition", *(f"place {place}" for place in positions)), order, numbers=len(positions)),
         "<h3>Distractor</h3>",
-        _table(("Condition", "Alerts", "Answered", "Correct", "Median answer (s)"), alerts, numbers=4),
+        table(("Condition", "Alerts", "Answered", "Correct", "Median answer (s)"), alerts, numbers=4),
         "<h3>Equal variances between conditions (Brown–Forsythe)</h3>",
-        _table(("Measure", "p"), variances, numbers=1) if variances else "<p>Could not be tested.</p>",
+        table(("Measure", "p"), variances, numbers=1) if variances else "<p>Could not be tested.</p>",
     ]
 
 
@@ -442,20 +419,20 @@ def _counts(found: Mapping[str, int]) -> str:
 def _parameters(analysis: Analysis) -> list[str]:
     parts = ["<h3>Arbiter, as logged with the trials</h3>"]
     sets: list[tuple[str, Mapping[str, Any]]] = [
-        (_name(analysis, condition) + (f" ({index})" if len(of) > 1 else ""), dict(settings(parameters)))
+        (name_of(analysis, condition) + (f" ({index})" if len(of) > 1 else ""), dict(settings(parameters)))
         for condition, of in analysis.data.parameters.items()
         for index, parameters in enumerate(of, 1)
     ]
     names = list(dict.fromkeys(name for _, of in sets for name in of))
     rows = [(f"<code>{escape(name)}</code>", *(escape(str(of.get(name, ""))) for _, of in sets)) for name in names]
-    parts.append(_table(("Parameter", *(escape(title) for title, _ in sets)), rows))
+    parts.append(table(("Parameter", *(escape(title) for title, _ in sets)), rows))
     for name, study in analysis.data.studies.items():
         kept = [
             (f"<code>{escape(key)}</code>", escape(value))
             for key, value in settings(study)
             if not key.startswith(("consent", "instructions", "texts", "demographics"))
         ]
-        parts += [f"<h3>Study file {escape(name)}</h3>", _table(("Setting", "Value"), kept)]
+        parts += [f"<h3>Study file {escape(name)}</h3>", table(("Setting", "Value"), kept)]
     parts.append(
         f"<p>Windows: at least {WINDOW_TICKS} ticks; entropy above {GAIN_ENTROPY} for belief gain; significance level "
         ".05.</p>"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from study.analysis.analysis import Analysis, Comparison
+from study.analysis.dataset import EndedSummary
 from study.analysis.effect_sizes import Interval, NotFitted
 from study.analysis.linear_model import RepeatedMeasures
 from study.analysis.measures import TaskMeasures, WindowMeasures, window_rates
@@ -74,6 +75,13 @@ def all_tables(analysis: Analysis) -> tuple[CsvTable, ...]:
         _pairs(analysis),
         _mixed(analysis),
         _trends(analysis),
+        CsvTable(
+            "freed_and_over_time",
+            tuple(item.name for item in fields(EndedSummary)),
+            tuple(astuple(item) for item in data.quality.ended),
+        ),
+        _subsets(analysis),
+        _hazards(analysis),
         CsvTable(
             "distractor",
             ("condition", "raised", "answered", "correct", "median_answer_s"),
@@ -218,6 +226,36 @@ def _trends(analysis: Analysis) -> CsvTable:
             for goals, found in trend.by_goals.items()
         ),
     )
+
+
+def _subsets(analysis: Analysis) -> CsvTable:
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for subset in analysis.subsets:
+            for comparison in subset.comparisons:
+                anova = comparison.anova
+                tested = (None, None) if isinstance(anova, NotFitted) else (anova.f, anova.p)
+                for condition, found in comparison.summaries.items():
+                    place = (subset.left_out, subset.tasks, *_place(comparison), condition)
+                    yield (*place, found.n, found.mean, found.sd, *tested)
+
+    header = ("left_out", "left_out_tasks", "measure", "tasks", "condition", "n", "mean", "sd", "F", "p")
+    return CsvTable("sensitivity", header, tuple(rows()))
+
+
+def _hazards(analysis: Analysis) -> CsvTable:
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for kind, model in analysis.hazards:
+            if isinstance(model, NotFitted):
+                yield (kind, *[None] * 11, model.reason)
+                continue
+            for condition, ratio, p in model.ratios:
+                counts = (model.tasks, model.censored, model.participants)
+                tested = (model.chi_squared, model.df, model.p)
+                yield (kind, condition, model.against, *astuple(ratio), p, *tested, *counts, None)
+
+    header: tuple[str, ...] = ("tasks", "condition", "against", "hazard_ratio", "ci95_low", "ci95_high", "p")
+    header += ("chi_squared", "df", "p_condition", "n", "censored", "participants", "not_fitted_because")
+    return CsvTable("hazard_ratios", header, tuple(rows()))
 
 
 def _place(comparison: Comparison) -> tuple[str, str | None]:

@@ -64,6 +64,7 @@ def cross_problems(data: Mapping[str, Any], world: WorldCheck | None, shelf: She
         for number, entry in _tables(entries):
             yield from _option_problems((*place, number), entry)
     yield from _distractor_problems(data.get("distractor"))
+    yield from _limit_problems(data)
     yield from _recruitment_problems(data.get("recruitment"))
     yield from questionnaire_problems(data)
     yield from layout_problems(data, world)
@@ -108,6 +109,23 @@ def _distractor_problems(distractor: object) -> Iterator[Problem]:
         yield Problem(("distractor", "answer_within_s"), f"must be at most every_s, which is {every}")
     if _both_numbers(away, within) and away > within:
         yield Problem(("distractor", "away_min_s"), f"must be at most answer_within_s, which is {within}")
+
+
+def _limit_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    """A limit that is none of the time that a task or a reading needs; 0 is none."""
+    task_s, trial_s = data.get("task_limit_s", 0), data.get("trial_limit_s", 0)
+    if _both_numbers(task_s, trial_s) and 0 < trial_s < task_s:
+        yield Problem(("task_limit_s",), f"must be at most trial_limit_s, which is {trial_s:g}, or 0 for no limit")
+    given = data.get("distractor", {})
+    settings = {**DistractorSettings().model_dump(), **(given if isinstance(given, dict) else {})}
+    bounds = [("task_limit_s", task_s, "answer_within_s"), ("trial_limit_s", trial_s, "first_s")]
+    for field, limit_s, bound in bounds if settings["enabled"] is True else ():
+        needed_s = settings[bound]
+        if _both_numbers(limit_s, needed_s) and 0 < limit_s <= needed_s:
+            why = "one stimulus could take all of it" if field == "task_limit_s" else "no stimulus would ever appear"
+            yield Problem(
+                (field,), f"must be above distractor.{bound}, which is {needed_s:g}, or 0 for no limit: {why}"
+            )
 
 
 _LINKS = ("completion_link", "screened_out_link", "full_link")

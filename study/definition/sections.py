@@ -275,6 +275,8 @@ class QualityRules(Part):
     """How often the gamepad may be lost."""
     max_unanswered_alerts: int = number(default=2, ge=0, le=1_000_000)
     """How many readings, or other stimuli of the second task, may expire."""
+    max_frees: int = number(default=3, ge=0, le=1_000_000)
+    """How often the arm may be freed, by whomever."""
     exclude_suspect: Flag = False
     """Whether the analysis leaves suspect trials out; an experimenter's verdict overrides the automatic one."""
 

@@ -131,6 +131,12 @@ class Study(Part):
     bins: Annotated[tuple[Identifier, ...], Field(min_length=1)]
     """Which of the layout's bins objects are brought to."""
     pickups_per_trial: int = number(default=3, ge=1)
+    task_limit_s: float = number(default=0.0, ge=0.0, le=86_400.0)
+    """Trial time after which a pickup or a dropoff is over, all its attempts together: it fails with the reason
+    `time_limit`, and the next object follows. 0 = none."""
+    trial_limit_s: float = number(default=0.0, ge=0.0, le=86_400.0)
+    """Trial time after which a trial is over, with what is not done left undone; a practice that takes as long gives
+    way to its trial. 0 = none."""
     surveys: tuple[Identifier, ...] = ("sus_modified", "tlx_raw")
     """Questionnaires after every trial: built in, or the study's own. The paper's unless the file says otherwise:
     nobody is to find out after the study that none was asked."""

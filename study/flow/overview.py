@@ -18,11 +18,15 @@ def expected_minutes(study: Study) -> float:
     """About how long a participant takes from the link to the thanks: a guess for planning, not a measurement."""
     robot, distractor = study.robot, study.distractor
     object_s = TRAVEL_M / robot.speed_m_s + TICK_S * (2 * robot.gripper_ticks + robot.reset_ticks)
+    if study.task_limit_s:
+        object_s = min(object_s, 2 * study.task_limit_s)
     trial_s = study.pickups_per_trial * object_s
     away_s = 0.0
     if distractor.enabled:
         away_s = distractor.away_min_s if distractor.placement == "same_page_away" else distractor.answer_within_s / 2
         trial_s /= max(0.1, 1.0 - away_s / distractor.every_s)
+    if study.trial_limit_s:
+        trial_s = min(trial_s, study.trial_limit_s)
     questions = sum(len(form.items) for form in study.instruments)
     once = len(study.demographics) + len(study.instructions.questions) + 3 * len(study.texts.debrief_questions)
     practice_s = object_s + (away_s if study.practice_task == "round" else 0.0) if study.practice else 0.0
@@ -40,6 +44,10 @@ def overview(study: Study) -> str:
         f"{_count(questions, 'question')} after each" if questions else "no questionnaires",
         f"about {round(expected_minutes(study))} minutes",
     ]
+    limits = [("a task", study.task_limit_s), ("a trial", study.trial_limit_s)]
+    limited = [f"{what} {seconds / 60:.3g}" for what, seconds in limits if seconds]
+    if limited:
+        parts.append(f"at most {' and '.join(limited)} minutes")
     checks = checks_of(study.eligibility)
     if checks:
         parts.append(f"asks of the device: {', '.join(checks)}")

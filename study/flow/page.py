@@ -117,6 +117,8 @@ class Outcome:
     log: Mapping[str, Any] | None = None
     words: str | None = None
     """What was typed freely and may identify somebody: kept apart, never exported."""
+    frees: bool = False
+    """Whether the arm is freed: the pick-and-place that is under way begins again."""
 
 
 class StepData(BaseModel):

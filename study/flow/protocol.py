@@ -134,6 +134,8 @@ NEEDS: Mapping[State, tuple[WorkerKind | None, bool]] = {
     "trial": ("trial", True),
 }
 """The worker a state needs and whether it ticks. States that are not here need none."""
+DRIVEN: tuple[State, ...] = tuple(state for state, (_, ticks) in NEEDS.items() if ticks)
+"""Places in which somebody drives the robot, or would if it were not paused."""
 
 PAUSE_EVENTS: tuple[EventName, ...] = (
     "connection_lost",

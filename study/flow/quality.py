@@ -2,7 +2,8 @@
 
 What is measured comes from the events between the trial's first tick and its end: the page's round trips
 (`round_trip`), when it was hidden (`page_hidden`, `page_visible`), when it lost the focus (`focus_lost`) or the gamepad
-(`pad_unplugged`), that the computer's clock was set (`clock_set`), and from the late ticks and the alerts of the trial.
+(`pad_unplugged`), that the computer's clock was set (`clock_set`), and from the late ticks, the alerts and the freed
+arms of the trial.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ class Measured:
     focus_losses: int
     pad_losses: int
     unanswered_alerts: int
+    frees: int = 0
     clock_set_s: tuple[float, ...] = ()
     """By how much the computer's clock was set, each time; back is negative."""
     lasted_s: float | None = None
@@ -36,7 +38,13 @@ class Measured:
 
 
 def measure(
-    events: Iterable[EventRow], *, started_utc: str, ended_utc: str, missed_ticks: int, unanswered_alerts: int
+    events: Iterable[EventRow],
+    *,
+    started_utc: str,
+    ended_utc: str,
+    missed_ticks: int,
+    unanswered_alerts: int,
+    frees: int = 0,
 ) -> Measured:
     """What happened in a trial. `events` are the participant's in order; those outside the trial's time are left out,
     but a page that was hidden before its start counts as hidden from the start on."""
@@ -72,6 +80,7 @@ def measure(
         unanswered_alerts=unanswered_alerts,
         clock_set_s=tuple(clock_set_s),
         lasted_s=ended - started,
+        frees=frees,
     )
 
 
@@ -86,6 +95,7 @@ def broken_rules(rules: QualityRules, measured: Measured, stimuli: str = "readin
         ("focus lost", measured.focus_losses, rules.max_focus_losses, "times"),
         ("gamepad lost", measured.pad_losses, rules.max_pad_losses, "times"),
         (f"{stimuli} unanswered", measured.unanswered_alerts, rules.max_unanswered_alerts, ""),
+        ("arm freed", measured.frees, rules.max_frees, "times"),
     )
     clock = [f"the computer's clock was set by {by_s:+.1f} s" for by_s in measured.clock_set_s]
     if measured.lasted_s is not None and measured.lasted_s < 0.0:
@@ -109,6 +119,7 @@ def judged(
     unanswered_alerts: int,
     rules: QualityRules,
     stimuli: str = "readings",
+    frees: int = 0,
 ) -> TrialRow:
     """The row of a trial that has ended, with its verdict; one that never began is returned as it is."""
     if row.started_utc is None or row.finished_utc is None:
@@ -119,6 +130,7 @@ def judged(
         ended_utc=row.finished_utc,
         missed_ticks=row.overruns,
         unanswered_alerts=unanswered_alerts,
+        frees=frees,
     )
     broken = broken_rules(rules, measured, stimuli)
     return replace(
@@ -130,4 +142,5 @@ def judged(
         focus_losses=measured.focus_losses,
         pad_losses=measured.pad_losses,
         unanswered_alerts=measured.unanswered_alerts,
+        frees=measured.frees,
     )

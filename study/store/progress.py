@@ -53,7 +53,7 @@ def response_to(connection: sql.Connection, participant: str, message_id: str) -
 
 
 def save_cycle(connection: sql.Connection, cycle: Cycle) -> None:
-    """The start of a cycle, in place of an earlier one."""
+    """The start of a cycle, in place of that of an earlier attempt at it."""
     values = {**vars(cycle), "practice": int(cycle.practice)}
     replaced = insert_or_update(CYCLES).values(values)
     connection.execute(replaced.on_conflict_do_update(set_={"start": cycle.start}))

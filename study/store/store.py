@@ -220,12 +220,13 @@ class Store:
         with self._database.read() as connection:
             return progress.last_cycle(connection, participant, trial, practice=practice)
 
-    def ticks_of_cycle(
-        self, participant: str, trial: int, cycle: int, *, practice: bool = False
+    def ticks_of_attempt(
+        self, participant: str, trial: int, cycle: int, attempt: int, *, practice: bool = False
     ) -> tuple[TickRow, ...]:
-        """The ticks of one cycle in order, for re-running them."""
+        """The ticks of one attempt at a cycle in order, for re-running them."""
         table = "practice_ticks" if practice else "ticks"
-        return cast("tuple[TickRow, ...]", self.rows_of(table, participant, trial=trial, cycle=cycle))
+        found = self.rows_of(table, participant, trial=trial, cycle=cycle, attempt=attempt)
+        return cast("tuple[TickRow, ...]", found)
 
     def last_input_seq(self, participant: str) -> int:
         """The highest input sequence number that a committed tick took into account; 0 = none."""

@@ -62,6 +62,7 @@ def test_the_shipped_study_is_the_papers(study: Study) -> None:
     assert [condition.parameters.get("alpha") for condition in study.conditions] == [None, None, "calibrated"]
     assert (len(study.objects), len(study.bins), study.pickups_per_trial, study.tasks_per_trial) == (6, 2, 3, 6)
     assert (study.distractor.first_s, study.distractor.every_s, study.distractor.answer_within_s) == (10, 20, 20)
+    assert (study.task_limit_s, study.trial_limit_s) == (300, 1500)
     assert not study.show_assistance
     assert len(study.instructions.questions) == 3
     assert study.surveys == ("sus_modified", "tlx_raw")
@@ -155,6 +156,10 @@ def test_a_study_goes_to_a_worker_unchanged(study: Study) -> None:
         ("answer_within_s = 20.0", "answer_within_s = 25", "distractor.answer_within_s = 25", "every_s, which is 20"),
         ("away_min_s = 5.0", "away_min_s = 21", "distractor.away_min_s = 21", "answer_within_s, which is 20"),
         ("decimals = 1", "decimals = 4", "distractor.decimals = 4", "below digits, which is 4"),
+        ("task_limit_s = 300 ", "task_limit_s = -1 ", "task_limit_s = -1", "at least 0.0"),
+        ("task_limit_s = 300 ", "task_limit_s = 1600 ", "task_limit_s = 1600", "at most trial_limit_s, which is 1500"),
+        ("task_limit_s = 300 ", "task_limit_s = 20 ", "task_limit_s = 20", "answer_within_s, which is 20"),
+        ("trial_limit_s = 1500 ", "trial_limit_s = 100 ", "task_limit_s = 300", "at most trial_limit_s, which is 100"),
         ('gamepad = "any" ', 'gamepad = "must" ', 'eligibility.gamepad = "must"', "allowed: any, preferred, required"),
         ("max_round_trip_ms = 0 ", "max_round_trip_ms = -1 ", "eligibility.max_round_trip_ms = -1", "at least 0.0"),
         ("browsers = []", 'browsers = ["ie"]', 'eligibility.browsers[1] = "ie"', "chrome, edge, firefox"),

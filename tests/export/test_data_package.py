@@ -93,7 +93,7 @@ def test_every_column_of_every_table_is_described(package: Path) -> None:
     assert ticks["p_x"]["unit"] == "m"
     assert ticks["source"]["constraints"] == {
         "required": True,
-        "enum": ["user", "blend", "robot", "idle", "gripper", "reset"],
+        "enum": ["user", "blend", "robot", "idle", "gripper", "reset", "free"],
     }
     assert (ticks["user_x"]["constraints"]["minimum"], ticks["user_x"]["constraints"]["maximum"]) == (-1, 1)
     assert (ticks["belief"]["type"], ticks["started_utc"]["type"]) == ("object", "datetime")

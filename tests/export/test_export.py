@@ -141,7 +141,7 @@ def test_every_column_is_in_the_codebook(store: Store, tmp_path: Path) -> None:
     ]
     assert all(line["description"] for line in lines)
     levels = {(line["table"], line["column"]): line["levels"] for line in lines}
-    assert levels["ticks", "source"] == "user|blend|robot|idle|gripper|reset"
+    assert levels["ticks", "source"] == "user|blend|robot|idle|gripper|reset|free"
 
 
 def test_the_study_file_comes_along_unchanged(store: Store, tmp_path: Path) -> None:

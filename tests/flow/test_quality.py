@@ -18,8 +18,9 @@ RULES = QualityRules(
     max_focus_losses=1,
     max_pad_losses=0,
     max_unanswered_alerts=0,
+    max_frees=1,
 )
-FINE = Measured(100.0, 2.0, 1, 1, 0, 0)
+FINE = Measured(100.0, 2.0, 1, 1, 0, 0, 1)
 
 
 def at(second: float, kind: str, **data: float) -> EventRow:
@@ -27,8 +28,8 @@ def at(second: float, kind: str, **data: float) -> EventRow:
 
 
 def measured(*events: EventRow) -> Measured:
-    ends = {"started_utc": "2026-01-01T00:00:10.000Z", "ended_utc": "2026-01-01T00:00:50.000Z"}
-    return measure(events, **ends, missed_ticks=4, unanswered_alerts=1)
+    started, ended = "2026-01-01T00:00:10.000Z", "2026-01-01T00:00:50.000Z"
+    return measure(events, started_utc=started, ended_utc=ended, missed_ticks=4, unanswered_alerts=1, frees=2)
 
 
 def test_only_what_happened_in_the_trial_counts() -> None:
@@ -40,7 +41,7 @@ def test_only_what_happened_in_the_trial_counts() -> None:
         *[at(22 + number / 10, "round_trip", ms=float(number)) for number in range(1, 21)],
         at(55, "pad_unplugged"),
     )
-    assert found == Measured(19.0, 0.0, 4, 1, 1, 1, lasted_s=40.0)
+    assert found == Measured(19.0, 0.0, 4, 1, 1, 1, lasted_s=40.0, frees=2)
 
 
 def test_a_clock_that_was_set_makes_a_trial_suspect_whatever_the_rules_allow() -> None:
@@ -75,13 +76,14 @@ def test_a_hidden_page_is_timed_within_the_trial(events: list[EventRow], hidden_
 def test_a_rule_is_broken_by_more_than_its_bound_and_says_so() -> None:
     assert broken_rules(RULES, FINE) == ()
     assert broken_rules(RULES, Measured(None, 0.0, 0, 0, 0, 0)) == ()  # never measured is not slow
-    assert broken_rules(RULES, Measured(100.1, 2.1, 2, 2, 1, 1)) == (
+    assert broken_rules(RULES, Measured(100.1, 2.1, 2, 2, 1, 1, 2)) == (
         "round trip (95th percentile): 100.1 ms, at most 100 allowed",
         "page hidden: 2.1 s, at most 2 allowed",
         "late ticks: 2, at most 1 allowed",
         "focus lost: 2 times, at most 1 allowed",
         "gamepad lost: 1 times, at most 0 allowed",
         "readings unanswered: 1, at most 0 allowed",
+        "arm freed: 2 times, at most 1 allowed",
     )
 
 
@@ -91,4 +93,6 @@ def test_a_trial_that_ended_gets_its_verdict_and_one_that_never_began_gets_none(
     suspect = judged(ended, (at(20, "pad_unplugged"),), 0, RULES)
     assert (suspect.quality, suspect.pad_losses) == ("suspect", 1)
     assert json.loads(suspect.quality_broken or "") == ["gamepad lost: 1 times, at most 0 allowed"]
+    freed = judged(ended, (), 0, RULES, frees=2)
+    assert (freed.quality, freed.frees) == ("suspect", 2)
     assert judged(trial_row("P001", started_utc=None), (), 0, RULES).quality is None

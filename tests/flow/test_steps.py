@@ -66,6 +66,17 @@ def test_a_step_filled_in_well_leads_on(step: str, data: dict[str, Any], event: 
     assert take(step, data).event == Event(event)
 
 
+@pytest.mark.parametrize("state", FLOW.states)
+def test_the_arm_is_freed_where_somebody_drives_also_in_a_pause(state: str) -> None:
+    for session in (replace(CONTEXT.session, state=state), replace(CONTEXT.session, state="paused", resume_to=state)):
+        context = replace(CONTEXT, session=session)
+        if state in ("practice", "trial"):
+            assert STEPS["free_arm"](context, {}) == Outcome(frees=True)
+        else:
+            with pytest.raises(Refused, match="during practice and trials"):
+                STEPS["free_arm"](context, {})
+
+
 def test_a_page_says_whether_the_robot_is_to_be_seen() -> None:
     assert take("picture", {"there": False, "why": "context_lost"}).event == Event("picture_lost", "context_lost")
     assert take("picture", {"there": True}).event is None, "nobody missed it"
@@ -87,6 +98,7 @@ def test_every_step_but_a_few_is_tried_above() -> None:
             "survey",
             "continue",
             "resume",
+            "free_arm",
         ),
         *("debrief", "withdraw", "help", "picture"),
     }

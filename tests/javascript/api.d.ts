@@ -54,6 +54,7 @@ export interface SessionReply {
   tasks: number | null;
   round_trip_ms: number | null;
   overruns: number;
+  frees: number;
   device: string | null;
   created_utc: string;
   allowed: Array<string>;
@@ -90,6 +91,7 @@ export interface LiveReply {
   tasks: number | null;
   round_trip_ms: number | null;
   overruns: number;
+  frees: number;
   device: string | null;
   created_utc: string;
   allowed: Array<string>;

@@ -59,6 +59,7 @@ export interface Submit {
     | "setup"
     | "instructions"
     | "start"
+    | "free_arm"
     | "survey"
     | "continue"
     | "resume"
@@ -214,6 +215,7 @@ export interface Tick {
   assisting: boolean | null;
   notice: string | null;
   slipped: boolean;
+  ending: "task" | "trial" | null;
 }
 
 /** First message of the lab on a socket. */

@@ -169,3 +169,30 @@ def test_someone_who_gets_nowhere_gives_up(monkeypatch: pytest.MonkeyPatch) -> N
     assert record["participants"][0].state == "withdrawn"
     withdrawn = [json.loads(row.data) for row in record["events"] if row.kind == "state"][-1]
     assert "gave up after" in withdrawn["reason"]
+
+
+def test_who_presses_in_vain_frees_the_arm_and_every_task_keeps_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.simulated.participant.FREES_AFTER_TICKS", 1)
+    record = simulate_trial(case(seed=5), 3, KinematicRobot)
+    frees = [row for row in record["events"] if row.kind == "arm_freed"]
+    assert frees
+    assert {row.source for row in frees} == {"participant"}
+    assert len(frees) == sum(row.source == "free" for row in record["ticks"])
+    assert len(frees) == sum(row.attempts - 1 for row in record["tasks"] if row.kind == "pickup")
+    assert Counter(row.task for row in record["tasks"]) == Counter(range(1, setup().study.tasks_per_trial + 1))
+    engine = TrialEngine(
+        setup().trial_setup("S001", plan_session(setup().study, ORDER, 5), 3, "trial"), KinematicRobot()
+    )
+    engine.open()
+    assert [engine.tick(inputs_of(row)).row for row in record["ticks"]] == record["ticks"]
+
+
+def test_a_limit_ends_simulated_tasks_as_it_ends_those_of_people() -> None:
+    limited = study_setup(changed_study(setup().study, {"": {"task_limit_s": 25.0, "trial_limit_s": 45.0}}))
+    record = simulate_trial(Case(limited, 0, 11, ORDER), 1, KinematicRobot)
+    (trial,) = record["trials"]
+    assert (trial.outcome, trial.ticks <= 90 + limited.study.robot.settle_timeout_ticks) == ("completed", True)
+    reasons = {(row.outcome, row.reason) for row in record["tasks"] if row.outcome != "success"}
+    assert reasons <= {("failure", "time_limit"), ("not_run", "time_limit"), ("not_run", "pickup_failed")}
+    assert ("not_run", "time_limit") in reasons
+    assert len(record["tasks"]) == limited.study.tasks_per_trial

@@ -225,9 +225,9 @@ def test_a_cycle_can_be_run_again(store: Store) -> None:
         start = [Cycle(who, 1, False, cycle, f'{{"cycle": {cycle}}}')] if number in (0, 2) else []
         append_tick(store, tick_row(who, number, cycle=cycle), cycles=start)
     assert store.last_cycle(who, 1) == Cycle(who, 1, False, 2, '{"cycle": 2}')
-    assert [row.tick for row in store.ticks_of_cycle(who, 1, 2)] == [2, 3, 4]
+    assert [row.tick for row in store.ticks_of_attempt(who, 1, 2, 1)] == [2, 3, 4]
     assert store.last_cycle(who, 1, practice=True) is None
-    assert store.ticks_of_cycle(who, 1, 2, practice=True) == ()
+    assert store.ticks_of_attempt(who, 1, 2, 1, practice=True) == ()
 
 
 def test_the_last_input_taken_into_account_is_known(store: Store) -> None:

@@ -70,6 +70,7 @@ def tick(number: int, **changes: Any) -> Message:
         "blocked": False,
         "assisting": None,
         "notice": None,
+        "ending": None,
         **changes,
     }
 
@@ -259,6 +260,7 @@ def session_row(participant: str, state: str, **changes: Any) -> Message:
         "tasks": 6 if state in ("trial", "paused") else None,
         "round_trip_ms": 12.3,
         "overruns": 0,
+        "frees": 0,
         "device": "gamepad",
         "created_utc": "2026-01-01T10:00:00Z",
         "allowed": allowed,

@@ -42,6 +42,7 @@ EXPERIMENTERS_ROUTES = [
     ("POST", "/api/sessions/{participant}/resume"),
     ("POST", "/api/sessions/{participant}/repeat_practice"),
     ("POST", "/api/sessions/{participant}/abort_trial"),
+    ("POST", "/api/sessions/{participant}/free_arm"),
     ("POST", "/api/sessions/{participant}/abort"),
     ("GET", "/api/sessions/{participant}/heatmap"),
     ("POST", "/api/sessions/{participant}/note"),

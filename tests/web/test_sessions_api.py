@@ -132,7 +132,7 @@ def text_of(texts: dict[str, str], name: str) -> str:
 
 
 async def test_commands_to_nobody_are_404(quick_lab: LabServer) -> None:
-    for name in ("start", "pause", "resume", "repeat_practice", "abort_trial", "abort"):
+    for name in ("start", "pause", "resume", "free_arm", "repeat_practice", "abort_trial", "abort"):
         answer = await command(quick_lab, "P999999", name, "because")
         assert answer.status_code == 404
         assert "P999999" in answer.json()["detail"]

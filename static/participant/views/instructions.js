@@ -4,8 +4,10 @@ import { h } from "../../common/dom.js";
 import { t, tn } from "../../common/language.js";
 import { card } from "../../common/shell.js";
 import { keptQuestions, questionForm } from "../forms.js";
+import { beforehand } from "../freeing.js";
 
 /** @import { Asked } from "../questions.js" */
+/** @import { Limits } from "../freeing.js" */
 /** @import { Context, PageOf, View } from "../view.js" */
 
 /**
@@ -23,12 +25,12 @@ const howMany = (count) =>
 
 /**
  * @param {Context} context
- * @param {PageOf<{ text: string[], questions: Asked[] }>} page
+ * @param {PageOf<{ text: string[], limits?: Limits, questions: Asked[] }>} page
  * @returns {View}
  */
 export function view({ socket, session }, page) {
   const key = `${session}:instructions`;
-  const { text, questions: items } = page.content;
+  const { text, limits = {}, questions: items } = page.content;
   const questions = keptQuestions(items, key);
   const { form, close } = questionForm({
     socket,
@@ -41,7 +43,7 @@ export function view({ socket, session }, page) {
   const lines = h(
     "ol",
     { class: "prose steps" },
-    text.map((line) => h("li", {}, line)),
+    [...text, ...beforehand(limits)].map((line) => h("li", {}, line)),
   );
   const asked = h(
     "div",

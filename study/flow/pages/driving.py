@@ -6,10 +6,33 @@ Their workers stand in `study.flow.protocol.NEEDS`. What ends a practice or a tr
 from __future__ import annotations
 
 from study.definition.study import Study
-from study.flow.page import Content, FlowPage, HandedIn, PageContext, Person, button
-from study.flow.protocol import Session
+from study.flow.page import (
+    Content,
+    FlowPage,
+    HandedIn,
+    NoData,
+    Outcome,
+    PageContext,
+    Person,
+    Refused,
+    Step,
+    StepContext,
+    button,
+)
+from study.flow.protocol import DRIVEN, Session
+
+
+def _free(context: StepContext, data: NoData) -> Outcome:
+    if context.session.place not in DRIVEN:
+        raise Refused(
+            "illegal", ("step", "the arm can be freed during practice and trials, also while they are paused")
+        )
+    return Outcome(frees=True)
+
 
 START = button("start")
+FREE_ARM = Step(NoData, _free)
+"""The participant frees the arm, which works in a pause as well: a fault may be why it is stuck."""
 PRACTICE_TASKS = 2
 
 
@@ -53,6 +76,7 @@ PRACTICE = FlowPage(
     state="practice",
     leads_on="practice_done",
     content=content,
+    steps={"free_arm": FREE_ARM},
     left_out_with="practice_ready",
     per_trial=True,
 )
@@ -69,6 +93,7 @@ TRIAL = FlowPage(
     state="trial",
     leads_on="trial_done",
     content=content,
+    steps={"free_arm": FREE_ARM},
     aside={"abort_trial": None},
     per_trial=True,
 )

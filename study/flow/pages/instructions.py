@@ -21,9 +21,12 @@ from study.flow.protocol import Event, Session
 
 def content(session: Session, context: PageContext) -> Content:
     """The text and the questions, without their right answers."""
-    instructions = as_read(context.study).instructions
+    study = context.study
+    instructions = as_read(study).instructions
+    limits = {"task_s": study.task_limit_s, "trial_s": study.trial_limit_s}
     return {
         "text": list(instructions.text),
+        "limits": {name: seconds for name, seconds in limits.items() if seconds},
         "questions": [question.model_dump(exclude={"correct"}) for question in instructions.questions],
     }
 

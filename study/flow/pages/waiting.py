@@ -59,7 +59,7 @@ BREAK = FlowPage(
 PAUSE = FlowPage(
     state=PAUSED,
     content=pause_content,
-    steps={"resume": button("resume")},
+    steps={"resume": button("resume"), "free_arm": driving.FREE_ARM},
     scripted=resume,
     per_trial=True,
 )
