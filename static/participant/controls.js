@@ -41,7 +41,13 @@ export function keyboardLegend(labels) {
       "tbody",
       {},
       LEGEND.map(([what, first, second]) =>
-        h("tr", {}, h("th", { scope: "row" }, what), h("td", {}, first.map(printed)), h("td", {}, second.map(key))),
+        h(
+          "tr",
+          {},
+          h("th", { scope: "row" }, what),
+          h("td", { dir: "ltr" }, first.map(printed)),
+          h("td", { dir: "ltr" }, second.map(key)),
+        ),
       ),
     ),
   );
