@@ -20,6 +20,8 @@ _ASKERS: Mapping[str, Freer] = {"step_free_arm": "participant", "free_arm": "exp
 """Events that ask to free the arm, and who asks."""
 _ABOUT_FREEING = (*_ASKERS, "arm_freed", "free_not_needed", "start", "step_start")
 """Those, and what becomes of it; practice and trial each begin with nothing asked for."""
+_CALLS = {("step_help", "participant"), ("help_seen", "experimenter")}
+"""What a call for help leaves behind: an event, and by whom."""
 
 
 def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) -> Resumed:
@@ -30,7 +32,7 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
     alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
     events: tuple[EventRow, ...] = store.rows_of("events", participant)
     setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
-    calls = [row for row in events if row.kind in ("step_help", "help_seen")][-1:]
+    calls = [row for row in events if (row.kind, row.source) in _CALLS][-1:]
     words = with_words(calls, store.identities(participant)) if calls else []
     is_open = bool(calls) and calls[0].kind == "step_help"
     times = [stored.created_utc, *(row.utc for row in events), *(row.started_utc for row in rows[-1:])]
@@ -65,5 +67,10 @@ def cycle_under_way(
 
 def _freed_by(events: Iterable[EventRow], trial: int) -> Freer | None:
     """Who has asked to free the arm in the practice or the trial under way, if no tick has done it."""
-    about = [row for row in events if row.trial == trial and row.kind in _ABOUT_FREEING]
+    about = [row for row in events if row.trial == trial and row.kind in _ABOUT_FREEING and not _is_note(row)]
     return _ASKERS.get(about[-1].kind) if about else None
+
+
+def _is_note(row: EventRow) -> bool:
+    """Whether this is what a page has noted, under whatever name; a step's events no note can pose as."""
+    return row.source == "participant" and not row.kind.startswith("step_")

@@ -24,6 +24,9 @@ from study.flow.steps import AlertData
 from study.records import EventRow
 from study.store import Batch, ConsentGiven
 
+STEPS_OF_THE_STUDY = "step_"
+"""How the events of steps begin: a session that is brought up again goes by them."""
+
 
 class Submissions:
     """Deals with what the pages of one session hand in."""
@@ -36,6 +39,8 @@ class Submissions:
         """A page sent something that is not about the hands."""
         if isinstance(message, Submit):
             await self._on_submit(client, message)
+        elif isinstance(message, Note) and message.name.startswith(STEPS_OF_THE_STUDY):
+            refuse(client, "invalid", "name", f"{message.name!r}: so begins what the lab records of a step", message.id)
         elif isinstance(message, Note):
             data = {**message.data, "role": client.role}
             event = self._context.event(message.name, "participant", data)
@@ -101,7 +106,7 @@ class Submissions:
         )
         outcome = context.services.flow.steps[message.step](step, message.data)
         data, private = apart(message.step, outcome.words)
-        events = (context.event(f"step_{message.step}", "participant", {**(outcome.log or {}), **data}),)
+        events = (context.event(f"{STEPS_OF_THE_STUDY}{message.step}", "participant", {**(outcome.log or {}), **data}),)
         if message.step == "help":
             context.vitals.help = HelpCall(outcome.words or "", step.utc)
         elif message.step == "picture":

@@ -6,7 +6,7 @@ and averaging happen in `score`, which only the analysis calls.
 
 from __future__ import annotations
 
-import math
+import sys
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -126,7 +126,7 @@ def _number_problem(value: object, asked: Asked, words: Words) -> str | None:
     flaw: Flaw | None
     if isinstance(value, str):
         flaw = "no_number" if len(value) > MAX_NUMBER_CHARACTERS else number_of(value, asked)[1]
-    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    elif isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
         return f"is {value!r}, must be a finite number"
     else:
         flaw = flaw_of(value, asked)

@@ -24,7 +24,8 @@ FINE = Measured(100.0, 2.0, 1, 1, 0, 0, 1)
 
 
 def at(second: float, kind: str, **data: float) -> EventRow:
-    return event_row("P001", kind, utc=f"2026-01-01T00:00:{second:06.3f}Z", data=json.dumps(data))
+    source = "lab" if kind in ("round_trip", "clock_set") else "participant"
+    return event_row("P001", kind, utc=f"2026-01-01T00:00:{second:06.3f}Z", data=json.dumps(data), source=source)
 
 
 def measured(*events: EventRow) -> Measured:
@@ -42,6 +43,13 @@ def test_only_what_happened_in_the_trial_counts() -> None:
         at(55, "pad_unplugged"),
     )
     assert found == Measured(19.0, 0.0, 4, 1, 1, 1, lasted_s=40.0, frees=2)
+
+
+@pytest.mark.parametrize("kind", ["clock_set", "round_trip"])
+def test_what_a_page_notes_under_a_name_of_the_labs_measures_nothing(kind: str) -> None:
+    posing = event_row("P001", kind, utc="2026-01-01T00:00:20.000Z", data='{"role": "participant"}')
+    assert posing.source == "participant"
+    assert measured(posing) == measured()
 
 
 def test_a_clock_that_was_set_makes_a_trial_suspect_whatever_the_rules_allow() -> None:

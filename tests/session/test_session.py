@@ -236,6 +236,16 @@ async def test_a_note_cannot_pose_as_somebody_else(quick_lab: LabServer) -> None
     assert events(quick_lab, made["participant"], "abort") == [("abort", {"role": "participant", "by": "me"})]
 
 
+async def test_a_note_cannot_pose_as_what_the_lab_goes_by(quick_lab: LabServer) -> None:
+    made = invite(quick_lab)
+    async with visit(made["link"]) as player:
+        await player.page("consent")
+        await player.send('{"type": "note", "id": "n1", "name": "step_setup", "data": {"sound": "loud"}}')
+        refused = await player.next()
+        assert isinstance(refused, Error) and (refused.id, refused.field) == ("n1", "name")
+    assert events(quick_lab, made["participant"], "step_setup") == []
+
+
 # --- readings on the same page -----------------------------------------------------------------------------------
 
 
