@@ -305,7 +305,8 @@ export class Learning {
     if (isHatReleased(rest)) return false;
     if (kind === "button") return (value - rest) / (1 - rest) < 0.25;
     const away = Math.abs(value - base);
-    if (away < 0.1) return true;
+    // What read 0 before it was reported may be a trigger on its way from −1: it comes by there, and does not stay.
+    if (away < 0.1) return track.isSure || rest !== 0 || this._stillMs(track) >= SETTLED_MS;
     if (push.amount <= PUSHED) return false; // perhaps a D-pad on one axis, which is still pressed
     return away < Math.min(0.45, Math.max(0.25, push.amount / 2)) && this._stillMs(track) >= SETTLED_MS;
   }
@@ -314,10 +315,7 @@ export class Learning {
   _learn(control) {
     const action = this.step;
     if (action === null) return;
-    const taken = ALL.find((other) => {
-      const learned = this.mapping[other];
-      return learned !== undefined && same(learned, control);
-    });
+    const taken = this._takenBy(control);
     if (taken) {
       this.message = t("That one already means “{what}”. Press another one.", { what: LABELS[taken] });
       return;
@@ -326,7 +324,21 @@ export class Learning {
     this.mapping[action] = control;
     const other = OPPOSITE[action];
     if (control.kind === "axis" && other && !(other in this.mapping) && Math.abs(control.rest) < 0.5) {
-      this.mapping[other] = { ...control, sign: -control.sign }; // the other way on the same stick
+      const otherWay = { ...control, sign: -control.sign }; // on the same stick
+      if (!this._takenBy(otherWay)) this.mapping[other] = otherWay;
     }
+  }
+
+  /**
+   * What a control means already.
+   *
+   * @param {Control} control
+   * @returns {Action | undefined}
+   */
+  _takenBy(control) {
+    return ALL.find((action) => {
+      const learned = this.mapping[action];
+      return learned !== undefined && same(learned, control);
+    });
   }
 }

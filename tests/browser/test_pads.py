@@ -98,6 +98,30 @@ def test_a_trigger_from_minus_one_is_learned_with_its_rest(pure: Page, first: in
     assert not both, "a trigger is no two-way stick"
 
 
+def test_a_trigger_that_comes_by_0_while_it_is_pulled_was_not_let_go_there(pure: Page) -> None:
+    control = told(
+        pure,
+        """const hand = stick(new Hand([0, 0, 0]).then());
+        for (const value of [-0.75, -0.5, -0.25, 0, 0.25, 0.5, 0.75]) hand.then({ a2: value }, 32);
+        return hand.then({ a2: 1 }, 100).then({ a2: -1 }, 700).map.up;""",
+    )
+    assert control == {"kind": "axis", "index": 2, "rest": -1, "sign": 1, "span": 2}
+
+
+def test_the_other_way_of_a_stick_keeps_the_meaning_it_has(pure: Page) -> None:
+    mapping, message = told(
+        pure,
+        """const push = (hand, name, value) => hand.then({ [name]: value }).then({ [name]: 0 });
+        const hand = push(push(new Hand([0, 0]).then(), "b0", 1), "a0", 1);  // forward: a button; back: a stick
+        push(push(hand, "b1", 1), "a1", 1);  // left: a button; right: another stick
+        push(push(hand, "a1", -1), "b2", 1);  // up: the other way of that stick; down: a button
+        return [hand.map, hand.learning.message];""",
+    )
+    assert {"forward", "back", "left", "right", "up", "down"} <= set(mapping), message
+    controls = [(one["kind"], one["index"], one.get("sign")) for one in mapping.values()]
+    assert len(set(controls)) == len(controls), mapping
+
+
 def test_a_trigger_that_reads_0_and_is_held_is_not_learned_upside_down(pure: Page) -> None:
     held, control = told(
         pure,
