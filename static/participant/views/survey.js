@@ -1,7 +1,7 @@
 // Questionnaires as the lab sends them: one row of radio buttons per item, nothing skipped silently, kept over a reload.
 
 import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
-import { number, t, tn } from "../../common/language.js";
+import { LANGUAGE, number, t, tn } from "../../common/language.js";
 import { tab } from "../../common/store.js";
 
 /** @import { Context, PageOf, View } from "../view.js" */
@@ -127,7 +127,7 @@ function itemRow(instrument, item, chosen, onChange) {
   const errorId = freshId("missing");
   const error = h(
     "p",
-    { id: errorId, class: "field-error", hidden: true },
+    { id: errorId, class: "field-error", hidden: true, lang: LANGUAGE.tag, dir: LANGUAGE.dir }, // not the instrument's
     icon("warning"),
     h("span", {}, t("Please choose an answer.")),
   );
