@@ -37,7 +37,7 @@ import { view as pausedView } from "./views/paused.js";
  * @property {Record<string, Look>} [looks] with a layout of the study's own: how its objects and bins are drawn, by id
  */
 /** @typedef {PageOf<Driving, "practice_ready" | "practice" | "trial_ready" | "trial">} DrivingPage */
-/** @typedef {PageOf<Driving & { can_resume: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
+/** @typedef {PageOf<Driving & { can_resume: boolean, can_free?: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
 const GRIPPER = { open: t("Gripper open"), closed: t("Gripper closed"), moving: t("Gripper moving") };
 const PRACTICE_ON_TABLE = [
@@ -243,6 +243,8 @@ export class DriveView {
     for (const stop of this._deafen) stop();
     this.picture.close();
     this.panel?.close();
+    this.page = null; // what comes after, such as the end of a question, finds nobody who drives
+    this.free.close();
     this.input.drive(false);
     this.alert?.close();
     this.scene.close();
@@ -428,8 +430,8 @@ export class DriveView {
       state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",
     );
     this.time.show(this._ticking() ? (this.tick?.ending ?? null) : null);
-    const driven = this._ticking() || this.page.state === "paused";
-    this.free.offer(state === "resetting" ? "returning" : driven && state !== "lost" ? "yes" : "no");
+    const driven = this._ticking() || (this.page.state === "paused" && this.page.content.can_free);
+    this.free.offer(!driven ? "no" : state === "lost" ? "lost" : state === "resetting" ? "returning" : "yes");
     this.alert?.conceal(this.page.state === "paused");
     this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
     this.input.drive(this._driving());

@@ -7,6 +7,7 @@ import { ask } from "../common/shell.js";
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { LabSocket } from "../wire/socket.js" */
 
+const DIALOG = "free-dialog";
 const TITLE = t("Free the arm?");
 const TEXT = [
   t(
@@ -29,6 +30,7 @@ export class FreeButton {
     this.socket = socket;
     this.onDialog = onDialog;
     this.waiting = false;
+    this.asking = false;
     this.button = h(
       "button",
       { type: "button", class: "secondary small", data: { testid: "free-button" } },
@@ -41,18 +43,26 @@ export class FreeButton {
   }
 
   /**
-   * Whether there is an arm to be freed; one that goes back already is none.
+   * Whether there is an arm to be freed; one that goes back already is none, and nobody is asked about it any longer.
    *
-   * @param {"yes" | "no" | "returning"} possible
+   * @param {"yes" | "no" | "lost" | "returning"} possible
    * @returns {void}
    */
   offer(possible) {
     this.button.disabled = possible !== "yes" || this.waiting;
-    if (possible === "returning") this.said.hidden = true;
+    if (possible === "returning" || possible === "no") this.close();
+  }
+
+  /** @returns {void} */
+  close() {
+    this.said.hidden = true;
+    if (this.asking)
+      /** @type {HTMLDialogElement | null} */ (document.querySelector(`[data-testid=${DIALOG}]`))?.close();
   }
 
   async _ask() {
     this.onDialog(true);
+    this.asking = true;
     let answer = null;
     try {
       answer = await ask({
@@ -61,9 +71,10 @@ export class FreeButton {
         confirm: t("Free the arm"),
         back: t("Go on driving"),
         danger: true,
-        testid: "free-dialog",
+        testid: DIALOG,
       });
     } finally {
+      this.asking = false;
       this.onDialog(false);
     }
     if (answer === null || this.waiting) return;

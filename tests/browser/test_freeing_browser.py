@@ -82,6 +82,38 @@ def test_it_is_offered_in_a_pause_too(page: Page, lab: FakeLab) -> None:
     assert "as soon as" in page.get_by_test_id("free-said").inner_text()
 
 
+def test_before_a_start_there_is_nothing_to_free_in_a_pause(
+    page: Page, lab: FakeLab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(lab.content, "paused", {**CONTENT["paused"], "can_free": False})
+    lab.show("trial_ready", 1)
+    page.get_by_test_id("page-trial_ready").wait_for()
+    lab.show("paused", 1)
+    page.get_by_test_id("page-paused").wait_for()
+    assert page.get_by_test_id("free-button").is_disabled()
+
+
+@pytest.mark.parametrize("after", ["survey", "trial_ready"])
+def test_a_round_that_ends_meanwhile_takes_its_question_along(page: Page, lab: FakeLab, after: str) -> None:
+    page.get_by_test_id("free-button").click()
+    page.get_by_test_id("free-dialog").wait_for()
+    lab.show(after)
+    page.get_by_test_id(f"page-{after}").wait_for()
+    page.get_by_test_id("free-dialog").wait_for(state="detached")
+    mark = lab.mark()
+    page.keyboard.press("KeyW")
+    lab.wait_for(lambda message: message["type"] == "heartbeat", after=mark)
+    assert lab.inputs(after=mark) == [], "nobody drives any more"
+    assert not [one for one in lab.received[mark:] if one["type"] == "submit"]
+
+
+def test_an_arm_that_goes_back_by_itself_takes_the_question_along(page: Page, lab: FakeLab) -> None:
+    page.get_by_test_id("free-button").click()
+    page.get_by_test_id("free-dialog").wait_for()
+    lab.send(tick(1, status="resetting", instruction=instruction("reset", "spray_bottle")))
+    page.get_by_test_id("free-dialog").wait_for(state="detached")
+
+
 def test_a_limit_that_is_near_is_told_in_calm_words(page: Page, lab: FakeLab) -> None:
     words = page.get_by_test_id("time-words")
     assert words.is_hidden()

@@ -154,8 +154,14 @@ def test_a_pause_says_why_and_whether_the_participant_can_end_it(
     content = page(session, context()).content
     assert content["causes"] == sorted(causes)
     assert content["can_resume"] is can_resume
+    assert content["can_free"] is True
     assert word in content["text"]
     assert content["running"] is False and content["scene"]
+
+
+def test_in_a_pause_before_a_start_no_arm_can_be_freed() -> None:
+    session = Session("p01", 3, "paused", 1, "trial_ready", frozenset({"experimenter"}))
+    assert page(session, context()).content["can_free"] is False
 
 
 def test_a_pause_without_a_robot_shows_no_scene() -> None:

@@ -231,6 +231,7 @@ CONTENT: dict[str, Message] = {
         **_driving("pickup", "spray_bottle", 6, False),
         "causes": ["connection"],
         "can_resume": True,
+        "can_free": True,
         "text": "The connection was lost and the robot stopped. Go on when you are ready.",
     },
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from study.flow.facts import as_read
 from study.flow.page import Content, FlowPage, HandedIn, PageContext, Person, button
 from study.flow.pages import driving
-from study.flow.protocol import CLEARS, PAUSED, Session
+from study.flow.protocol import CLEARS, DRIVEN, PAUSED, Session
 
 
 def break_content(session: Session, context: PageContext) -> Content:
@@ -38,6 +38,7 @@ def pause_content(session: Session, context: PageContext) -> Content:
         **(driving.content(session, context) if session.worker else {}),
         "causes": sorted(session.causes),
         "can_resume": bool(session.causes & CLEARS["resume"]),
+        "can_free": session.place in DRIVEN,
         "text": text,
     }
 
