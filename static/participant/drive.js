@@ -132,13 +132,7 @@ export class DriveView {
       this.second,
       this.instruction,
       this.inset.element,
-      this.progress.element,
-      h(
-        "section",
-        { class: "side-card way-out", "aria-label": t("If the arm is stuck") },
-        this.time.element,
-        this.free.element,
-      ),
+      h("div", { class: "side-card way-on" }, this.progress.element, this.time.element, this.free.element),
       h("section", { class: "side-card controls", "aria-label": t("Controls") }, this.hands.element, this.legend),
     );
     this.hands.words.append(this.gripper);

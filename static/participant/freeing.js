@@ -38,7 +38,7 @@ export class FreeButton {
       h("span", {}, t("Free the arm")),
     );
     this.said = h("p", { class: "free-said", role: "status", hidden: true, data: { testid: "free-said" } });
-    this.element = h("div", { class: "free-arm" }, this.button, this.said);
+    this.element = h("section", { class: "free-arm", "aria-label": t("If the arm is stuck") }, this.button, this.said);
     this.button.addEventListener("click", () => this._ask());
   }
 

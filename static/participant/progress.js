@@ -7,7 +7,7 @@ export class Progress {
   constructor() {
     this.words = h("p", { class: "progress-text", data: { testid: "progress" } });
     this.dots = h("div", { class: "dots", "aria-hidden": "true" });
-    this.element = h("section", { class: "side-card progress", "aria-label": t("Progress") }, this.words, this.dots);
+    this.element = h("section", { class: "progress", "aria-label": t("Progress") }, this.words, this.dots);
   }
 
   /**
