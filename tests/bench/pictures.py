@@ -28,7 +28,7 @@ TURN_S = 8.0
 WAKE_S = 4.0
 PUSH_S = 0.8
 STEP_M = 0.02
-NO_READINGS = {"practice = true ": "practice = false ", "first_s = 10.0": "first_s = 3000.0"}
+NO_READINGS = {"practice = true ": "practice = false ", "first_s = 10.0": "first_s = 1000.0"}
 
 # A picture is a task that draws at least once.
 COUNT = """(() => {
