@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -118,6 +119,59 @@ def test_a_template_keeps_what_is_translated_and_adds_the_rest() -> None:
     assert (again.texts, again.plurals) == (before.texts, before.plurals)
     french = read(template("fr"), "fr")
     assert french.texts == {} and french.mistakes == () and set(french.lines) == set(texts())
+
+
+FOR_PARTICIPANTS = ("study/flow", "app/session", "app/web/join_api.py")
+FOR_EXPERIMENTERS = {
+    *("commands.py", "explanation.py", "quality.py", "overview.py", "roster.py", "contract.py"),
+}
+"""Modules there whose sentences are shown on the dashboard, or told to whoever writes a study."""
+SENTENCE = re.compile(r"^[A-Z“][^A-Z]*[a-z]+[,:]? [a-z]")
+
+
+def sentences(source: str) -> list[tuple[int, str]]:
+    """(line, text) of what begins as a sentence does and is neither translated nor a docstring. Problems for whoever
+    writes a page go on from a field's name, and begin with a small letter."""
+    tree = ast.parse(source)
+    passed: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            passed.add(id(node.value))
+        if isinstance(node, ast.Call):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in ("t", "tn", "phrase", "column", "Field", "compile") or called.endswith(("Error", "NotNow")):
+                passed |= {id(inner) for inner in ast.walk(node)}
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr) and id(node) not in passed:
+            text = "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+            passed |= {id(part) for part in node.values}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in passed:
+            text = node.value
+        else:
+            continue
+        if SENTENCE.match(text):
+            found.append((node.lineno, text))
+    return found
+
+
+def test_every_sentence_that_the_lab_says_to_participants_can_be_translated() -> None:
+    told = []
+    for place in FOR_PARTICIPANTS:
+        path = ROOT / place
+        for module in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            if module.name not in FOR_EXPERIMENTERS:
+                found = sentences(module.read_text(encoding="utf-8"))
+                told += [f"{module.relative_to(ROOT)}:{line}: {text!r}" for line, text in found]
+    assert not told, "English in every language; put it into words.t(…), or phrase(…) in a table:\n" + "\n".join(told)
+
+
+def test_a_sentence_that_no_translation_reaches_is_found() -> None:
+    assert sentences('x = "The robot stands still."') == [(1, "The robot stands still.")]
+    assert sentences('x = f"The {robot} stands still."') == [(1, "The {} stands still.")]
+    assert sentences('x = words.t("The robot stands still."); y = phrase("It goes on.")') == []
+    assert sentences('"""The robot stands still."""\nraise StudyError("The robot stands still.")') == []
+    assert sentences('x = "must be a text"; y = "Content-Type"; z = {"Label": 1}') == []
 
 
 def test_placeholders_are_spelled_as_both_sides_read_them() -> None:
