@@ -2,7 +2,6 @@
 
 import { h, icon, setText } from "../common/dom.js";
 import { t } from "../common/language.js";
-import { stepButton } from "../common/shell.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
 import { legendFor, UNKNOWN_KEY } from "./controls.js";
@@ -10,12 +9,13 @@ import { FreeButton, TimeWords } from "./freeing.js";
 import { hintText } from "./hint.js";
 import { indicator } from "./indicator.js";
 import { Inset } from "./inset.js";
+import { InstructionCard } from "./instruction_card.js";
 import { PassingNotice } from "./passing_notice.js";
-import { instructionPicture } from "./picture.js";
 import { PictureReport } from "./picture_report.js";
 import { Progress } from "./progress.js";
 import { Scene } from "./scene.js";
 import { secondDevice } from "./second_device.js";
+import { startCard } from "./start_card.js";
 import { StateSign } from "./state_sign.js";
 import { view as pausedView } from "./views/paused.js";
 
@@ -40,11 +40,6 @@ import { view as pausedView } from "./views/paused.js";
 /** @typedef {PageOf<Driving & { can_resume: boolean, can_free?: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
 const GRIPPER = { open: t("Gripper open"), closed: t("Gripper closed"), moving: t("Gripper moving") };
-const PRACTICE_ON_TABLE = [
-  t("Pick up the block, move it and put it down again."),
-  t("Take your time; this part does not count."),
-].join(" ");
-
 /** @type {Partial<Record<Sign, string>>} why a round cannot start yet */
 const WHY_NOT = { unseen: t("Its picture is not there yet."), alone: t("The second device is not there yet.") };
 
@@ -74,20 +69,9 @@ export class DriveView {
     this.panel = null; // of a round, where the readings appear on another device
     this.second = h("div", { class: "side-card", hidden: true, data: { testid: "second-lost" } });
     this.dialogOpen = false;
-    this._instruction = "";
-    /** @type {Record<string, Look>} */
-    this.looks = {};
     this.sign = new StateSign();
     this.assist = h("p", { class: "assist", hidden: true, data: { testid: "assisting" } });
-    this.words = h("p", { class: "instruction-text", data: { testid: "instruction" } });
-    this.pictures = h("div", { class: "instruction-picture" });
-    this.instruction = h(
-      "section",
-      { class: "side-card instruction", "aria-label": t("What to do now") },
-      h("h2", { class: "visually-hidden" }, t("What to do now")),
-      h("div", { "aria-live": "assertive" }, this.words),
-      this.pictures,
-    );
+    this.instruction = new InstructionCard();
     this.progress = new Progress();
     this.time = new TimeWords();
     this.free = new FreeButton({ socket, onDialog: (open) => this.dialog(open) });
@@ -130,7 +114,7 @@ export class DriveView {
       this.sign.element,
       this.assist,
       this.second,
-      this.instruction,
+      this.instruction.element,
       this.inset.element,
       h("div", { class: "side-card way-on" }, this.progress.element, this.time.element, this.free.element),
       h("section", { class: "side-card controls", "aria-label": t("Controls") }, this.hands.element, this.legend),
@@ -163,7 +147,7 @@ export class DriveView {
       this.scene.watch.on("change", () => this._refresh()),
       socket.on("tick", (event) => this._onTick(event.detail)),
       socket.on("status", (event) => this._onStatus(event.detail)),
-      socket.on("instruction", (event) => this._instruct(event.detail)),
+      socket.on("instruction", (event) => this.instruction.show(event.detail)),
       socket.on("state", () => this._refresh()),
       input.on("device", (event) => this._device(event.detail)),
       input.keyboard.on("unknown", () => this.notice.say(UNKNOWN_KEY)),
@@ -188,8 +172,8 @@ export class DriveView {
         this.key = `paused:${page.trial}`;
         this.scene.show({ src: page.content.scene, key: this.key, views: page.content.views });
         this._showInset(page.content);
-        this.looks = page.content.looks ?? {};
-        if (page.content.instruction) this._instruct(page.content.instruction);
+        this.instruction.looks = page.content.looks ?? {};
+        if (page.content.instruction) this.instruction.show(page.content.instruction);
         this._drawProgress(0, page.content.tasks);
       }
       this._overlay(pausedView(this.context, page, () => this.scene.watch.reload()).element);
@@ -207,8 +191,8 @@ export class DriveView {
       }
       this.scene.show({ src: content.scene, key, views: content.views });
       this._showInset(content);
-      this.looks = content.looks ?? {};
-      if (content.instruction) this._instruct(content.instruction);
+      this.instruction.looks = content.looks ?? {};
+      if (content.instruction) this.instruction.show(content.instruction);
       this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
       if (this._ticking()) this._secondDevice();
       this.status = content.ready === false ? "starting" : null;
@@ -253,31 +237,12 @@ export class DriveView {
   }
 
   /** @param {DrivingPage} page */
-  _startCard({ state, trial, trials, content }) {
-    const practice = state === "practice_ready";
-    const round = { trial: trial ?? 0, trials };
-    const title = practice ? t("Practice first") : t("Round {trial} of {trials}", round);
-    const text = practice
-      ? content.practice_task === "table"
-        ? PRACTICE_ON_TABLE
-        : wordsFor(this.socket.welcome).practice
-      : t("The robot is in place. When you press Start, the round begins.");
+  _startCard(page) {
     // The readings of a round appear on the second device: nobody starts while it is missing.
     this._secondDevice();
-    this.start = stepButton({
-      socket: this.socket,
-      step: "start",
-      label: practice ? t("Start practice") : t("Start round {trial}", round),
-      busy: t("Starting"),
-      kind: "primary large",
-      testid: "start-button",
-    });
-    return h(
-      "section",
-      { class: "start-card", data: { testid: `page-${state}` } },
-      h("div", {}, h("h1", { tabindex: "-1" }, title), h("p", {}, text), this.panel?.element),
-      this.start,
-    );
+    const { element, button } = startCard({ socket: this.socket, page, panel: this.panel?.element ?? null });
+    this.start = button;
+    return element;
   }
 
   _secondDevice() {
@@ -303,7 +268,7 @@ export class DriveView {
     if (!this._ticking()) return; // the last of a phase whose page is gone already
     this.tick = tick;
     if (this.status !== "paused") this.status = null;
-    this._instruct(tick.instruction);
+    this.instruction.show(tick.instruction);
     this._drawProgress(tick.done_tasks, tick.tasks);
     setText(this.gripper, tick.holding ? t("Gripper holding") : GRIPPER[tick.gripper]);
     if (tick.notice) this.notice.say(tick.notice);
@@ -315,17 +280,6 @@ export class DriveView {
   _onStatus({ status }) {
     this.status = status;
     this._refresh();
-  }
-
-  /** @param {Instruction} instruction */
-  _instruct(instruction) {
-    const text = JSON.stringify(instruction);
-    if (text === this._instruction) return;
-    this._instruction = text;
-    setText(this.words, instruction.text);
-    this.words.classList.toggle("long", instruction.text.length > 48);
-    this.instruction.dataset.kind = instruction.kind;
-    this.pictures.replaceChildren(...instructionPicture(instruction, this.looks));
   }
 
   /**

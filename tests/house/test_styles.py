@@ -24,7 +24,7 @@ def sided(css: str) -> list[str]:
     return sides
 
 
-@pytest.mark.parametrize("name", ["style.css", "narrow.css"])
+@pytest.mark.parametrize("name", ["style.css", "driving.css", "narrow.css"])
 def test_styles_name_no_side_of_the_screen(name: str) -> None:
     assert sided((STATIC / name).read_text(encoding="utf-8")) == []
 
