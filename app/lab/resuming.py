@@ -72,5 +72,6 @@ def _freed_by(events: Iterable[EventRow], trial: int) -> Freer | None:
 
 
 def _is_note(row: EventRow) -> bool:
-    """Whether this is what a page has noted, under whatever name; a step's events no note can pose as."""
-    return row.source == "participant" and not row.kind.startswith("step_")
+    """Whether this is what a page has noted, under whatever name. Notes say whose page it was, which nothing about
+    freeing does: that the arm was freed has the participant as its source too, if it was they who asked."""
+    return row.source == "participant" and not row.kind.startswith("step_") and "role" in json.loads(row.data)
