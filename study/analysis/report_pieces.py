@@ -25,7 +25,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: int = 0
 
     lines = [f"<tr{' class=sig' if index in bold else ''}>{cells('td', row)}</tr>" for index, row in enumerate(rows)]
     head = f"<thead><tr>{cells('th', header)}</tr></thead>" if any(header) else ""
-    return f"<div class=wide><table>{head}<tbody>{''.join(lines)}</tbody></table></div>"
+    return f"<div class=wide tabindex=0><table>{head}<tbody>{''.join(lines)}</tbody></table></div>"
 
 
 def label_of(comparison: Comparison) -> str:

@@ -45,9 +45,9 @@ def overview(study: Study) -> str:
         f"about {round(expected_minutes(study))} minutes",
     ]
     limits = [("a task", study.task_limit_s), ("a trial", study.trial_limit_s)]
-    limited = [f"{what} {seconds / 60:.3g}" for what, seconds in limits if seconds]
+    limited = [f"{seconds / 60:.3g} for {what}" for what, seconds in limits if seconds]
     if limited:
-        parts.append(f"at most {' and '.join(limited)} minutes")
+        parts.append(f"at most {' and '.join(limited)}")
     checks = checks_of(study.eligibility)
     if checks:
         parts.append(f"asks of the device: {', '.join(checks)}")

@@ -172,7 +172,12 @@ def test_a_file_that_is_not_there_is_one_problem(capsys: pytest.CaptureFixture[s
 
 def test_the_overview_follows_the_study() -> None:
     study = shipped_study()
-    assert overview(study).endswith(f"16 questions after each; about {round(expected_minutes(study))} minutes")
+    time = f"about {round(expected_minutes(study))} minutes; at most 5 for a task and 25 for a trial"
+    assert overview(study).endswith(f"16 questions after each; {time}")
+    unlimited = study.model_copy(update={"task_limit_s": 0.0, "trial_limit_s": 0.0})
+    assert overview(unlimited).endswith(" minutes")
+    hurried = study.model_copy(update={"trial_limit_s": 60.0})
+    assert expected_minutes(hurried) < expected_minutes(study) == expected_minutes(unlimited)
     longer = study.model_copy(update={"pickups_per_trial": 6})
     shorter = study.model_copy(update={"surveys": (), "conditions": study.conditions[:1]})
     assert expected_minutes(shorter) < expected_minutes(study) < expected_minutes(longer)
