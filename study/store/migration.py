@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 FIRST = "0001"
 """The schema as it was when migrations began."""
-HEAD = "0004"
+HEAD = "0005"
 """The schema of `tables`: the last revision there is."""
 REVISIONS = Path(__file__).with_name("revisions")
 _FIRST_META = {"schema_version": "1", "store_version": "3"}

@@ -6,8 +6,8 @@ Everything recorded before is a first attempt, and nobody had freed the arm in i
 import sqlalchemy as sql
 from alembic import op
 
-revision = "0004"
-down_revision = "0003"
+revision = "0005"
+down_revision = "0004"
 
 
 def upgrade() -> None:
