@@ -336,6 +336,12 @@ class EventRow:
     )
 
 
+def is_note(row: EventRow) -> bool:
+    """Whether a page of the participant noted this, under a name of its choice: the lab adds the page's role to it, and
+    to nothing else that it records of what participants do with the robot."""
+    return row.source == "participant" and '"role": ' in row.data
+
+
 TABLES: dict[str, type] = {
     "participants": ParticipantRow,
     "trials": TrialRow,

@@ -13,7 +13,7 @@ from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import from_rows
 from study.flow.protocol import WorkerKind
-from study.records import OVERRUN_MS, EventRow, unix_s
+from study.records import OVERRUN_MS, EventRow, is_note, unix_s
 from study.store import Store, StoredSession
 
 _ASKERS: Mapping[str, Freer] = {"step_free_arm": "participant", "free_arm": "experimenter"}
@@ -67,11 +67,5 @@ def cycle_under_way(
 
 def _freed_by(events: Iterable[EventRow], trial: int) -> Freer | None:
     """Who has asked to free the arm in the practice or the trial under way, if no tick has done it."""
-    about = [row for row in events if row.trial == trial and row.kind in _ABOUT_FREEING and not _is_note(row)]
+    about = [row for row in events if row.trial == trial and row.kind in _ABOUT_FREEING and not is_note(row)]
     return _ASKERS.get(about[-1].kind) if about else None
-
-
-def _is_note(row: EventRow) -> bool:
-    """Whether this is what a page has noted, under whatever name. Notes say whose page it was, which nothing about
-    freeing does: that the arm was freed has the participant as its source too, if it was they who asked."""
-    return row.source == "participant" and not row.kind.startswith("step_") and "role" in json.loads(row.data)
