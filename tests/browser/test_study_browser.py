@@ -44,6 +44,7 @@ def short_study(tmp_path: Path) -> Path:
             'id = "again"\narbiter = "teleoperation"\nalpha = 0',
         ),
         ("every_s = 20.0", "every_s = 40.0"),
+        ('practice_task = "round"', 'practice_task = "table"'),  # shorter: three times half a minute
     ):
         assert before in text
         text = text.replace(before, after)

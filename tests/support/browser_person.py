@@ -6,10 +6,13 @@ later, so the position is first carried forward by the tick that is already runn
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+from playwright.sync_api import TimeoutError as PlaywrightTimeout
 
 from app.simulated.pilot import Pilot, Sight
 from app.trial.values import UserInput
@@ -35,6 +38,10 @@ COVER = """() => {
   const reading = asked ? document.querySelector("[data-testid=alert-reading]").innerText : null;
   return [visible("alert"), reading];
 }"""
+
+ASKED_NEXT = """(step) =>
+  document.querySelector("[data-testid=calibration]")?.getAttribute("data-step") !== step"""
+LEARNS_MS = 2000
 
 PLANNING_DELAY = 0.2
 
@@ -131,7 +138,9 @@ class BrowserPerson:
             self.pad.axis(axis, 0.0)
         else:
             self.pad.tap(buttons[step], frames=4)
-        self.pad.frames(4)
+        # Let go, and look what is asked next; a pad that was taken for another control is pushed once more.
+        with contextlib.suppress(PlaywrightTimeout):
+            self.page.wait_for_function(ASKED_NEXT, arg=step, timeout=LEARNS_MS)
 
     def instructions(self, right: dict[str, str]) -> None:
         """Answer the comprehension check; `right` is question id to option id."""
