@@ -128,13 +128,28 @@ def _window(rules: Eligibility, device: Device, words: Words) -> str | None:
     width, height = device.width_px or 0, device.height_px or 0
     if width >= rules.min_window_width_px and height >= rules.min_window_height_px:
         return None
+    least_width, least_height = rules.min_window_width_px, rules.min_window_height_px
+    if not least_height:
+        return words.t(
+            "The page is {width} pixels wide, and the study needs {least_width}. Enlarge the window, or zoom out (Ctrl "
+            "and −), and check again.",
+            width=width,
+            least_width=least_width,
+        )
+    if not least_width:
+        return words.t(
+            "The page is {height} pixels high, and the study needs {least_height}. Enlarge the window, or zoom out "
+            "(Ctrl and −), and check again.",
+            height=height,
+            least_height=least_height,
+        )
     return words.t(
         "The page is {width} × {height} pixels large, and the study needs {least_width} × {least_height}. Enlarge the "
         "window, or zoom out (Ctrl and −), and check again.",
         width=width,
         height=height,
-        least_width=rules.min_window_width_px,
-        least_height=rules.min_window_height_px,
+        least_width=least_width,
+        least_height=least_height,
     )
 
 

@@ -67,6 +67,17 @@ def test_whoever_has_all_that_is_asked_for_passes() -> None:
 
 
 @pytest.mark.parametrize(
+    ("side", "says"),
+    [
+        ({"min_window_height_px": 0}, "999 pixels wide, and the study needs 1000. Enlarge"),
+        ({"min_window_width_px": 0}, "599 pixels high, and the study needs 600. Enlarge"),
+    ],
+)
+def test_a_window_is_held_to_the_side_that_is_asked_for(side: dict[str, int], says: str) -> None:
+    assert says in lacking(ALL.model_copy(update=side), width_px=999, height_px=599)["window"]
+
+
+@pytest.mark.parametrize(
     ("changes", "check", "says"),
     [
         ({"user_agent": "Mozilla/5.0 Chrome/126.0 Safari/537.36 Edg/126.0"}, "browser", "This is Edge."),
