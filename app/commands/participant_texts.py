@@ -25,9 +25,10 @@ def texts(
     language: Annotated[str, typer.Option(metavar="TAG", help="the language, such as fr or pt-BR")],
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="where; texts.TAG.po if not given")] = None,
 ) -> None:
-    """Write the lab's texts for participants as a file to translate (gettext), or add what is new to one.
+    """Write the participant's texts as a gettext file to translate.
 
-    What the file translates already stays. Name it in the study file with `translation`, beside `language`.
+    What the file translates already stays, and what is new is added. Name it in the study file with `translation`,
+    beside `language`.
     """
     from app.texts.translating import gaps, template
     from study.language import locales
