@@ -63,6 +63,8 @@ def notes_on_texts(study: Study, file: Path) -> Iterator[str]:
     from study.language.catalogue import Catalogue, read, shipped_text
 
     name, text = shipped_text(study.language)
+    if not text and not study.translations:
+        return
     ships = read(text, name) if name else Catalogue()
     own = next((read(one.text, study.language) for one in study.translations), Catalogue())
     where = str(file.with_name(study.translation)) if study.translation else f"the translation into {name} that ships"
