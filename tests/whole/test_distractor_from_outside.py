@@ -155,8 +155,9 @@ async def test_who_took_part_with_it_is_told_in_one_line_when_it_is_gone(
     with pytest.raises(BotError, match="403"):
         async with visit(link):
             pass
+    async with visit(invite(again)["link"]) as player:  # everybody else is let in
+        await player.reach("setup")
+    again.close()  # and all that it said is in its log
     (said,) = [line for line in again.log().splitlines() if "turned away" in line]
     assert "P001 cannot go on: distractor 'sums' was outside-distractors 1.0, source " in said
     assert said.endswith("when the study was made; it is not installed. Install that version to go on")
-    async with visit(invite(again)["link"]) as player:  # everybody else is let in
-        await player.reach("setup")
