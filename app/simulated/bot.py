@@ -168,7 +168,6 @@ async def open_wire(access: PageAccess, name: str, telemetry: bool = False, flow
     try:
         connection = await connect(access.socket_url, additional_headers=headers, compression=None, proxy=None)
     except (InvalidHandshake, OSError) as error:
-        await asyncio.sleep(0)  # a refused connection is closed by the loop's next turn, and this may be its last
         raise BotError(f"the lab did not open a socket: {error}") from None
     async with connection:
         wire = Wire(connection, submit_type(flow))

@@ -107,8 +107,8 @@ async def test_a_study_that_this_version_cannot_read_hurts_nobody_else(launch: C
         assert (page.status_code, told.json()) == (200, {"why": "unusable"}), (
             "its page must not say Connecting for ever"
         )
-        stranger = await httpx.AsyncClient(trust_env=False).get(f"{page.url}why")
-        assert stranger.status_code == 403
+    async with httpx.AsyncClient(trust_env=False) as stranger:
+        assert (await stranger.get(f"{page.url}why")).status_code == 403
     async with visit(lab.base_url + urlsplit(after["link"]).path) as player:
         await player.reach_trial()
     assert "Traceback" not in lab.log()
