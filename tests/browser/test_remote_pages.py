@@ -90,7 +90,7 @@ def test_a_window_that_is_too_small_is_mended_or_ends_the_study(
     page.get_by_test_id("join-begin").click()
     visible(page, "check-summary")
     assert (state_of(page, "window"), state_of(page, "webgl"), state_of(page, "round_trip")) == ("bad", "good", "good")
-    assert "900 × 700 pixels large, and the study needs 1000 ×" in page.get_by_test_id("check-window").inner_text()
+    assert "900 pixels wide, and the study needs 1000." in page.get_by_test_id("check-window").inner_text()
     page.get_by_test_id("check-submit").click()  # again, after the connection was measured anew
     page.locator("[data-testid=check-submit]:not([aria-busy])").wait_for()
     assert state_of(page, "round_trip") == "good"
