@@ -28,6 +28,8 @@ WAYS: dict[Way, Vector3] = {
 FOLDED = "the arm cannot fold further"
 LONG_TICKS = 6
 """Pressed for so long, whatever was tried, a closed gripper is told to open."""
+AROUND = (1.0, 2.0)
+"""So many of a tick's ways aside an end of the reach is looked past."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,10 @@ def hint_for(
     `reason` is that of `sim.ik.REASONS`; it does not count for an arm that is pressed against something (`lagging`).
     """
     found = _way_out(asked, can_go)
-    away: tuple[Way, ...] = () if found is None else (found,)
     if not world.lagging:
-        return Hint(_limit(asked, reason), away)
+        found = _way_around(asked, can_go) or found
+        return Hint(_limit(asked, reason), () if found is None else (found,))
+    away: tuple[Way, ...] = () if found is None else (found,)
     if world.held is not None:
         lets_go = pressed_ticks >= LONG_TICKS or found is None
         return Hint("touches_holding", (*away, "open") if lets_go else away)
@@ -68,6 +71,18 @@ def _limit(asked: Vector3, reason: str | None) -> Cause:
     if z and not (x or y):
         return "low" if z < 0.0 else "high"
     return "limit"
+
+
+def _way_around(asked: Vector3, can_go: Callable[[Vector3], bool]) -> Way | None:
+    """The first way aside that leads past the end of the reach, and on where the arm was asked to go: out of the hole
+    before the robot, say."""
+    for far in AROUND:
+        for name, way in WAYS.items():
+            is_aside = sum(a * b for a, b in zip(way, asked, strict=True)) == 0.0
+            past_it = tuple(far * a + b for a, b in zip(way, asked, strict=True))
+            if is_aside and can_go(way) and can_go((past_it[0], past_it[1], past_it[2])):
+                return name
+    return None
 
 
 def _way_out(asked: Vector3, can_go: Callable[[Vector3], bool]) -> Way | None:
