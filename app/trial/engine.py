@@ -25,7 +25,6 @@ any more: a way out must not depend on them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -36,19 +35,31 @@ from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Explanation, State
 from app.trial.feasibility import Feasibility
-from app.trial.goals import Goals, candidates, compact_json
+from app.trial.fingers import Fingers
+from app.trial.goals import Goals, candidates
 from app.trial.hints import Hint, hint_for
+from app.trial.judge import Judge
 from app.trial.motion import motion_segments, unit_direction
 from app.trial.reasoning import Limit, Reasoning, Told
 from app.trial.tasks import TaskProgress
+from app.trial.tick_rows import RETURNING, Decision, TickRows
 from app.trial.time_limits import near_limit
-from app.trial.values import NO_INPUT, STILL, CycleStart, EngineEvent, TickResult, TrialSetup, TrialView, UserInput
-from app.trial.verdicts import TIME_LIMIT, Verdict, dropoff_verdict, pickup_verdict, practice_verdict
+from app.trial.values import (
+    NO_INPUT,
+    STILL,
+    CycleStart,
+    EngineEvent,
+    Press,
+    TickResult,
+    TrialSetup,
+    TrialView,
+    UserInput,
+)
+from app.trial.verdicts import TIME_LIMIT, Verdict
 from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
     TICK_S,
-    GripperCommand,
     MotionSegment,
     MotionVerdict,
     Pose,
@@ -58,15 +69,12 @@ from sim.interface import (
     Vector3,
     WorldState,
 )
-from study.records import TaskRow, TickRow
+from study.records import TaskRow
 
 PRACTICE_TRIES = 3
 """Practice is over after so many cycles, whatever came of them."""
 
 _STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
-_NO_DIRECTION: tuple[int | None, int | None, int | None] = (None, None, None)
-_RETURNING = ("reset", "free")
-"""Sources of ticks in which the arm goes back: they belong to no task."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +92,6 @@ class _Tick:
             return STILL
         kept = self.verdict.executed[-1].direction
         return unit_direction(self.action) if kept == self.asked[-1].direction else kept
-
-
-def _departure(user: Direction, action: Direction) -> float:
-    """How far an action is from what the person asked for: the length of the difference of the two unit directions."""
-    return 0.0 if action == user else math.dist(unit_direction(action), unit_direction(user))
 
 
 class TrialEngine:
@@ -119,15 +122,11 @@ class TrialEngine:
         self._momentum: Vector3 = STILL
         self._goals = Goals.at(())
         self._belief: Belief | None = None
-        self._belief_text: tuple[Belief | None, str] = (None, "")
-        self._held_before: str | None = None
-        self._fingers: GripperCommand = "open"
-        self._let_go = False
-        self._gripper_ticks_left = 0
+        self._rows = TickRows(setup)
+        self._fingers = Fingers(setup.timing.gripper_ticks)
+        self._judge = Judge(self._progress.cycle_setup, setup.timing.settle_timeout_ticks)
         self._reset_ticks_left = 0
         self._is_freed = False
-        self._settling_ticks = 0
-        self._loose_ticks = 0
         self._pressed_ticks = 0
         self._pending: _Tick | None = None
         self._world: WorldState | None = None
@@ -189,9 +188,9 @@ class TrialEngine:
             phase = "finished"
         elif self._reset_ticks_left:
             phase = "reset"
-        elif self._settling_ticks:
+        elif self._judge.settling_ticks:
             phase = "settling"
-        elif self._gripper_ticks_left:
+        elif self._fingers.busy_ticks:
             phase = "gripper"
         return TrialView(
             phase=phase,
@@ -247,12 +246,9 @@ class TrialEngine:
             self._pending = self._begin_still(user_input, source)
             return
         self._refresh_belief()
-        gripper = self._gripper_command(user_input)
-        if gripper is not None:
-            self._fingers, self._let_go = gripper, gripper == "open"
-            self._gripper_ticks_left = self.setup.timing.gripper_ticks
-        if self._gripper_ticks_left or self._settling_ticks:
-            self._pending = self._begin_still(user_input, "gripper", gripper or "hold")
+        pressed = None if self._judge.settling_ticks else self._fingers.press(user_input.gripper)
+        if self._fingers.busy_ticks or self._judge.settling_ticks:
+            self._pending = self._begin_still(user_input, "gripper", pressed)
         else:
             self._pending = self._begin_motion(user_input)
 
@@ -274,23 +270,12 @@ class TrialEngine:
         self._momentum = pending.momentum(bool(blocked))
         hint = self._hint(pending, reason) if blocked and pending.action is not None else None
         self._pressed_ticks = self._pressed_ticks + 1 if hint is not None else 0
-        row = TickRow(
-            **pending.row,
-            blocked=int(blocked),
-            blocked_reason=reason,
-            gripper=world.gripper,
-            held=world.held,
-            started_utc=None,
-            late_ms=None,
-            digest=world.digest(),
-            attempt=self._progress.attempt,
-        )
+        row = self._rows.ended(pending.row, world, blocked, reason)
         self._tick += 1
-        events += self._note_grasp(world)
-        tasks, verdict, cycle_start = self._judge(row.source, world, events)
+        events += self._fingers.look(world, self._progress.cycle_setup.object)
+        tasks, verdict, cycle_start = self._end_task(row.source, world, events)
         if not self.finished and self._is_over(self.setup.limits.trial_ticks, self._trial_ticks):
             tasks, verdict, cycle_start = (*tasks, *self._end_trial(events)), verdict or TIME_LIMIT, None
-        self._held_before = self.world.held
         return TickResult(
             row=row,
             tasks=tasks,
@@ -325,21 +310,8 @@ class TrialEngine:
             self._belief = Belief.uniform(self._goals.ids)
         self._progress.begin_task(self._tick, len(self._goals.ids))
 
-    def _gripper_command(self, user_input: UserInput) -> GripperCommand | None:
-        """The button's command, unless the fingers are busy or were told so already."""
-        if user_input.gripper is None or self._gripper_ticks_left or self._settling_ticks:
-            return None
-        return None if user_input.gripper == self._fingers else user_input.gripper
-
-    def _begin_still(self, user_input: UserInput, source: str, gripper: GripperCommand = "hold") -> _Tick:
-        verdict = self._robot.command(RobotCommand(_STAND_STILL, self.setup.timing.speed_m_s, gripper))
-        pressed = gripper if gripper != "hold" else None
-        return _Tick(self._row(user_input, source, None, None, pressed), _STAND_STILL, verdict, action=None)
-
-    def _begin_motion(self, user_input: UserInput) -> _Tick:
-        assert self._belief is not None
-        user, model = user_input.direction, self.setup.models.transition
-        state = State(
+    def _state(self) -> State:
+        return State(
             position_m=self.world.position_world_gripper_m,
             momentum=self._momentum,
             goal_ids=self._goals.ids,
@@ -347,98 +319,46 @@ class TrialEngine:
             held=self.world.held,
             tick=self._tick,
         )
+
+    def _begin_still(self, user_input: UserInput, source: str, pressed: Press | None = None) -> _Tick:
+        verdict = self._robot.command(RobotCommand(_STAND_STILL, self.setup.timing.speed_m_s, pressed or "hold"))
+        return _Tick(self._row(Decision(source, pressed=pressed), user_input), _STAND_STILL, verdict, action=None)
+
+    def _begin_motion(self, user_input: UserInput) -> _Tick:
+        assert self._belief is not None
+        user, model = user_input.direction, self.setup.models.transition
         reach_m = self.setup.timing.speed_m_s * TICK_S
         feasible = Feasibility(self._robot, self.world, self.scene, model, self._momentum, reach_m)
-        self._belief, action, alone = self._reasoning.decide(state, self._belief, user, feasible)
+        self._belief, action, alone = self._reasoning.decide(self._state(), self._belief, user, feasible)
         source = "robot" if alone else "idle"
         if user is not None:
             source = "user" if action == user else "blend"
         segments = motion_segments(model, self._momentum, action)
         verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
-        chosen = action if source != "idle" else None
-        return _Tick(self._row(user_input, source, user, chosen, None), segments, verdict, action)
+        decision = Decision(source, user, action if source != "idle" else None)
+        return _Tick(self._row(decision, user_input), segments, verdict, action)
 
-    def _row(
-        self,
-        user_input: UserInput,
-        source: str,
-        user: Direction | None,
-        action: Direction | None,
-        pressed: str | None,
-    ) -> dict[str, Any]:
-        """The part of the row that is known at the start of the tick."""
-        resetting = source in _RETURNING
-        belief = self._belief or Belief.uniform(self._goals.ids)
-        p_x, p_y, p_z = self.world.position_world_gripper_m
-        m_x, m_y, m_z = self._momentum
-        user_x, user_y, user_z = user or _NO_DIRECTION
-        action_x, action_y, action_z = action or _NO_DIRECTION
-        return {
-            "participant": self.setup.participant,
-            "condition": self.setup.condition,
-            "trial": self.setup.trial,
-            "task": None if resetting else self._progress.task,
-            "kind": None if resetting else self._progress.kind,
-            "tick": self._tick,
-            "cycle": self._progress.cycle,
-            "trial_s": self._tick * TICK_S,
-            "goal": None if resetting else self._progress.goal,
-            "p_x": p_x,
-            "p_y": p_y,
-            "p_z": p_z,
-            "m_x": m_x,
-            "m_y": m_y,
-            "m_z": m_z,
-            "user_x": user_x,
-            "user_y": user_y,
-            "user_z": user_z,
-            "action_x": action_x,
-            "action_y": action_y,
-            "action_z": action_z,
-            "source": source,
-            "gripper_input": pressed,
-            "after_pause": int(user_input.after_pause),
-            "goals": self._goals.text,
-            "belief": self._text_of(belief),
-            "entropy": belief.entropy,
-            "input_seq": user_input.seq,
-            "departure": None if user is None or action is None else _departure(user, action),
-        }
-
-    def _text_of(self, belief: Belief) -> str:
-        """JSON: goal id to probability. Ticks without evidence keep their belief, and its text."""
-        if self._belief_text[0] is not belief:
-            self._belief_text = belief, compact_json(belief.as_dict())
-        return self._belief_text[1]
+    def _row(self, decision: Decision, user_input: UserInput) -> dict[str, Any]:
+        return self._rows.begun(decision, user_input, self._progress, self._state(), self._goals, self._belief)
 
     # ---- the end of a tick --------------------------------------------------------------------------------------
 
-    def _note_grasp(self, world: WorldState) -> list[EngineEvent]:
-        instructed = self._progress.cycle_setup.object
-        if world.held == self._held_before:
-            return []
-        if world.held is None:
-            return [EngineEvent("released" if self._let_go else "slipped", {"object": self._held_before})]
-        self._let_go = False
-        if world.held != instructed:
-            return [EngineEvent("wrong_object_grasped", {"object": world.held, "instructed": instructed})]
-        return [EngineEvent("grasped", {"object": world.held})]
-
-    def _judge(
+    def _end_task(
         self, source: str, world: WorldState, events: list[EngineEvent]
     ) -> tuple[tuple[TaskRow, ...], Verdict | None, CycleStart | None]:
         """Count down what is under way, and end the task if it is over."""
-        if source in _RETURNING:
+        if source in RETURNING:
             self._reset_ticks_left -= 1
             if source == "reset":
                 return (), None, None
             where = {"phase": self.setup.kind, "cycle": self._began.cycle, "attempt": self._began.attempt}
             events.append(EngineEvent("arm_freed", where))
             return (), None, self._began
-        if self._gripper_ticks_left:
-            self._gripper_ticks_left -= 1
+        self._fingers.tick()
         picking_up = self._progress.kind == "pickup"
-        verdict = self._lifted_verdict(world) if picking_up else self._settled_verdict(world)
+        verdict = (
+            self._judge.of_pickup(world) if picking_up else self._judge.of_dropoff(world, self._fingers.busy_ticks > 0)
+        )
         if verdict is None and self._is_over(self.setup.limits.task_ticks, self._task_ticks):
             verdict = TIME_LIMIT
         if verdict is None:
@@ -446,29 +366,6 @@ class TrialEngine:
         if picking_up and verdict.outcome == "success":
             return (self._end_pickup(verdict),), verdict, None
         return self._end_cycle(verdict, world, events)
-
-    def _lifted_verdict(self, world: WorldState) -> Verdict | None:
-        """In a pickup: None until the object is lifted or lost. One that rolls on and on is judged as it lies."""
-        name = self._progress.cycle_setup.object
-        loose = world.held != name and not world.object(name).settled
-        self._loose_ticks = self._loose_ticks + 1 if loose else 0
-        waited_out = self._loose_ticks >= self.setup.timing.settle_timeout_ticks
-        return pickup_verdict(self.scene, world, name, waited_out)
-
-    def _settled_verdict(self, world: WorldState) -> Verdict | None:
-        """In a dropoff: None until the object has left the fingers and come to rest (or the wait ran out)."""
-        cycle_setup = self._progress.cycle_setup
-        name = cycle_setup.object
-        if world.held == name:
-            self._settling_ticks = 0
-            return None
-        self._settling_ticks += 1
-        timed_out = self._settling_ticks >= self.setup.timing.settle_timeout_ticks
-        if self._gripper_ticks_left or not (world.object(name).settled or timed_out):
-            return None
-        if cycle_setup.bin is None:
-            return practice_verdict(self.scene, world, name)
-        return dropoff_verdict(self.scene, world, name, cycle_setup.bin)
 
     def _end_pickup(self, verdict: Verdict) -> TaskRow:
         """The pickup's row; the dropoff begins with the next tick and a fresh belief."""
@@ -530,7 +427,7 @@ class TrialEngine:
 
     def _is_over(self, limit_ticks: int, ticks: int) -> bool:
         """Whether a limit is reached. What is falling already may come to rest first."""
-        return bool(limit_ticks) and ticks >= limit_ticks and not self._settling_ticks
+        return bool(limit_ticks) and ticks >= limit_ticks and not self._judge.settling_ticks
 
     def _end_trial(self, events: list[EngineEvent]) -> tuple[TaskRow, ...]:
         """The trial's time is over: whatever is not done stays undone."""
@@ -543,11 +440,8 @@ class TrialEngine:
         """A fresh world: arm at the start, belief forgotten, everything displaced restored."""
         self._belief = None
         self._momentum = STILL
-        self._held_before = None
-        self._fingers, self._let_go = "open", False
-        self._gripper_ticks_left = 0
-        self._settling_ticks = 0
-        self._loose_ticks = 0
+        self._fingers = Fingers(self.setup.timing.gripper_ticks)
+        self._judge = Judge(self._progress.cycle_setup, self.setup.timing.settle_timeout_ticks)
         self._pressed_ticks = 0
         self._is_freed = self._progress.attempt > 1
         self._reset_ticks_left = max(self.setup.timing.reset_ticks, int(self._is_freed)) if reset else 0

@@ -16,6 +16,8 @@ from study.parts.shelf import Named
 from study.records import TaskRow, TickRow
 
 PhaseKind = Literal["trial", "practice"]
+Press = Literal["open", "close"]
+"""Of a gripper button."""
 STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
@@ -25,7 +27,7 @@ class UserInput:
     `free` = somebody frees the arm, and the cycle begins again with this tick."""
 
     direction: Direction | None = None
-    gripper: Literal["open", "close"] | None = None
+    gripper: Press | None = None
     seq: int | None = None
     after_pause: bool = False
     free: bool = False
@@ -174,7 +176,7 @@ def inputs_of(row: TickRow) -> UserInput:
     direction = None
     if row.user_x is not None and row.user_y is not None and row.user_z is not None:
         direction = (row.user_x, row.user_y, row.user_z)
-    gripper: Literal["open", "close"] | None = None
+    gripper: Press | None = None
     if row.gripper_input == "open":
         gripper = "open"
     elif row.gripper_input == "close":
