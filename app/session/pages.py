@@ -31,12 +31,12 @@ FAILURES: Mapping[str, str] = {
     "time_limit": phrase("The time for the {object} is over. It goes on from here by itself."),
     "not_moved": phrase("The {object} was put down too close to where it stood."),
 }
-
-
 HELP_SEEN = phrase("The experimenter has seen your call for help.")
 SLIPPED = phrase("The {object} slipped out of the gripper.")
 ENDED_EARLY = phrase("This round was ended early. Please go on from here.")
 FREED = phrase("The arm is free again, and the object stands where it stood. Please pick it up once more.")
+FREED_LATE = phrase("The arm is free again, and the object stands where it stood.")
+"""Where time runs out: a pickup that may be over before it is begun is not asked for."""
 
 
 def instruction(view: TrialView, labels: Labels, practice: bool, words: Words = ENGLISH) -> Instruction:
@@ -104,6 +104,8 @@ def tick_message(
     told = notice(view.ended, before, labels, again=practice and not result.finished, words=words)
     if told is None and slipped is not None:
         told = words.t(SLIPPED, object=words.t(labels.objects[slipped]))
+    if told is None and result.row.source == "free":
+        told = words.t(FREED if view.ending is None else FREED_LATE)
     status = {"operating": "running", "gripper": "gripper", "settling": "gripper", "reset": "resetting"}
     return Tick.model_validate(
         {
@@ -118,7 +120,7 @@ def tick_message(
             "blocked": view.blocked,
             "hint": {"cause": view.hint.cause, "ways": view.hint.ways} if view.hint else None,
             "assisting": view.source in ("robot", "blend") if show_assistance else None,
-            "notice": words.t(FREED) if result.row.source == "free" else told,
+            "notice": told,
             "slipped": slipped is not None,
             "ending": view.ending,
         }

@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 
 from app.session.pages import FAILURES, VIEWS, instruction, notice, page, tick_message
-from app.trial.values import EngineEvent, TickResult, TrialView, UserInput
+from app.trial.values import EngineEvent, TickResult, TimeLimits, TrialView, UserInput
 from app.trial.verdicts import Verdict
 from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
 from sim import views
@@ -30,6 +30,8 @@ SECRET = re.compile(
     re.IGNORECASE,
 )
 """Words that would tell the page how the robot decides, or the right answers."""
+AGAIN = "The arm is free again, and the object stands where it stood. Please pick it up once more."
+OVER = "The time for the spray bottle is over. It goes on from here by itself."
 
 
 def context(study: Study = STUDY, shown: Instruction | None = None) -> PageContext:
@@ -321,7 +323,16 @@ def test_a_bin_is_in_the_picture_only_when_it_is_its_turn() -> None:
 
 @pytest.mark.parametrize(
     "reason",
-    ["off_table", "knocked_over", "out_of_reach", "wrong_bin", "left_on_table", "outside_bin", "not_moved"],
+    [
+        "off_table",
+        "knocked_over",
+        "out_of_reach",
+        "wrong_bin",
+        "left_on_table",
+        "outside_bin",
+        "time_limit",
+        "not_moved",
+    ],
 )
 def test_every_failure_has_words_with_the_object_in_them(reason: str) -> None:
     before = instruction(view("pickup"), LABELS, False)
@@ -340,6 +351,20 @@ def test_what_slips_is_said_and_what_is_let_go_is_not() -> None:
         (True, "The tub of wipes slipped out of the gripper."),
         (False, None),
     ]
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        (TimeLimits(), [AGAIN]),
+        (TimeLimits(task_ticks=20), ["The arm is free again, and the object stands where it stood.", OVER]),
+        (TimeLimits(trial_ticks=20), [OVER]),
+    ],
+)
+def test_another_pickup_is_asked_for_only_where_there_is_time_for_one(limits: TimeLimits, told: list[str]) -> None:
+    engine = opened(replace(trial_setup(), limits=limits))
+    results = run(engine, [*[UserInput()] * 19, UserInput(free=True), *[UserInput()] * 4])
+    assert [message.notice for message in messages(results) if message.notice] == told
 
 
 def test_without_an_end_there_is_nothing_to_say() -> None:
