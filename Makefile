@@ -59,6 +59,7 @@ run: $(VENV)/.installed ## install what is missing and start the lab on loopback
 test: $(VENV)/.installed-test ## everything: linters, formatting, types, every test (installs a Chromium if there is none)
 	@echo "== a browser for the tests"
 	@$(PY) -m tests.support.chromium
+	@$(PY) -m tests.support.real_keys
 	@echo "== ruff"
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import pytest
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import alert, tick
-from tests.support.real_keys import NoDisplay, RealKeys
+from tests.support.real_keys import NoDisplay, RealKeys, are_required
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -193,6 +194,8 @@ def keys() -> Iterator[RealKeys]:
         with RealKeys() as hand:
             yield hand
     except NoDisplay as error:
+        if are_required(os.environ):
+            pytest.fail(f"real keys are required: {error}", pytrace=False)
         pytest.skip(f"no real keys here: {error}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import signal
@@ -13,7 +14,7 @@ import pytest
 
 from tests.conftest import NetworkForbidden, is_loopback
 from tests.javascript import check as javascript
-from tests.support import chromium, lab_server
+from tests.support import chromium, lab_server, real_keys
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -137,6 +138,28 @@ def test_without_a_registry_the_javascript_is_passed_over_aloud(
     script(tmp_path / "npm", npm)
     assert javascript.main({"PATH": str(tmp_path), "SALAB_REQUIRE_NODE": required}) == code
     assert said in "".join(capfd.readouterr())
+
+
+# --- real keys ---------------------------------------------------------------------------------------------------
+
+
+def test_missing_real_keys_are_passed_over_aloud_and_installed_where_they_are_required(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: name)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    here = {"PATH": str(tmp_path)}
+    assert real_keys.main(here) == 0
+    assert "real keys NOT tested: no Xvfb" in capfd.readouterr().out
+    assert real_keys.main({**here, "SALAB_REQUIRE_KEYS": "1"}) == 1
+    assert (
+        "real keys NOT tested: no Xvfb on PATH (Debian, Ubuntu: apt-get install xvfb libxtst6); there is no apt-get"
+        in (capfd.readouterr().out)
+    )
+    stock = script(tmp_path / "stock" / "Xvfb", "exit 9")
+    script(tmp_path / "apt-get", f'case "$*" in *install*xvfb*) /bin/ln -s {stock} {tmp_path};; esac')
+    assert real_keys.main({**here, "SALAB_REQUIRE_KEYS": "1"}) == 0
+    assert "NOT tested" not in capfd.readouterr().out
 
 
 # --- starting a lab ----------------------------------------------------------------------------------------------

@@ -16,6 +16,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.support import system_packages
+
 FOLDER = Path(__file__).resolve().parent
 LEAST_MAJOR = 18
 HOW_TO = f"no Node.js {LEAST_MAJOR} or later with npm on PATH (Debian, Ubuntu: apt-get install nodejs npm)"
@@ -48,25 +50,15 @@ def find_npm(environment: Mapping[str, str]) -> str:
 
 
 def install_node(environment: Mapping[str, str]) -> None:
-    """Install Node.js and npm from the system's packages, as root or through sudo.
+    """Install Node.js and npm from the system's packages.
 
     Raises:
-        NoTools: there is no apt-get here, or it failed.
+        NoTools: that cannot be done here, or it failed.
     """
-    apt = shutil.which("apt-get", path=environment.get("PATH"))
-    if apt is None:
-        raise NoTools(HOW_TO)
-    become_root = [] if os.geteuid() == 0 else ["sudo", "-n", "env", "DEBIAN_FRONTEND=noninteractive"]
-    ours = {**environment, "DEBIAN_FRONTEND": "noninteractive"}
-    quiet = [*become_root, apt, "-qq"]
-    for command in ([*quiet, "update"], [*quiet, "install", "-y", "--no-install-recommends", "nodejs", "npm"]):
-        print("installing Node.js:", " ".join(command), flush=True)
-        try:
-            failed = subprocess.run(command, env=ours).returncode != 0
-        except OSError:  # there is no sudo
-            failed = True
-        if failed:
-            raise NoTools(f"{HOW_TO}; this failed: {' '.join(command)}")
+    try:
+        system_packages.install("Node.js", "nodejs", "npm", environment=environment)
+    except system_packages.NotInstalled as error:
+        raise NoTools(f"{HOW_TO}; {error}") from error
 
 
 def is_installed() -> bool:

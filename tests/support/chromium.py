@@ -13,6 +13,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from tests.support import system_packages
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 HOW_TO = (
     "No working Chromium found. Set CHROMIUM=/path/to/chromium, or install one "
@@ -68,21 +70,18 @@ def find(environment: Mapping[str, str] | None = None) -> Path:
     raise NoChromium(f"{HOW_TO} Tried: {', '.join(tried) or 'nothing on PATH'}.")
 
 
-def _installers() -> Iterator[list[list[str]]]:
-    """Ways to install one, each a list of commands: the system's packages, then playwright's download."""
-    if shutil.which("apt-get"):
-        become_root: list[str] | None = [] if os.geteuid() == 0 else None
-        if become_root is None and shutil.which("sudo"):
-            asked = subprocess.run(["sudo", "-n", "true"], capture_output=True)
-            become_root = ["sudo", "-n"] if asked.returncode == 0 else None
-        if become_root is not None:
-            quiet = [*become_root, "env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq"]
-            yield [[*quiet, "update"], [*quiet, "install", "-y", "--no-install-recommends", "chromium"]]
-    yield [[sys.executable, "-m", "playwright", "install", "chromium"]]
+def _install_from_system() -> None:
+    system_packages.install("a Chromium", "chromium", environment=os.environ)
+
+
+def _download() -> None:
+    command = [sys.executable, "-m", "playwright", "install", "chromium"]
+    print("installing a Chromium:", " ".join(command), flush=True)
+    subprocess.run(command)
 
 
 def ensure() -> Path:
-    """`find`, after installing one if need be.
+    """`find`, after installing one if need be: from the system's packages, else by playwright's download.
 
     Raises:
         NoChromium: none is there and none could be installed.
@@ -92,13 +91,12 @@ def ensure() -> Path:
     except NoChromium:
         if os.environ.get("CHROMIUM"):
             raise
-    for commands in _installers():
-        print("installing a Chromium:", " ".join(commands[-1]), flush=True)
-        if all(subprocess.run(command).returncode == 0 for command in commands):
-            try:
-                return find()
-            except NoChromium:
-                continue
+    for install in (_install_from_system, _download):
+        try:
+            install()
+            return find()
+        except (system_packages.NotInstalled, NoChromium):
+            continue
     raise NoChromium(HOW_TO)
 
 

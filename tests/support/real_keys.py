@@ -1,6 +1,9 @@
 """Keys as a person presses them: through an X server of its own, with repeats, menus and focus, to a headed Chromium.
 
 What a test framework sends goes to the page alone: no menu opens, nothing repeats, and no release gets lost.
+
+`python -m tests.support.real_keys` says aloud when they cannot be had. With SALAB_REQUIRE_KEYS=1, as `.ci/run` sets it,
+it installs what is missing from the system's packages, and fails when it cannot; so does a test that needs them.
 """
 
 from __future__ import annotations
@@ -9,8 +12,14 @@ import ctypes
 import os
 import shutil
 import subprocess
+import sys
+from collections.abc import Mapping
 from types import TracebackType
 
+from tests.support import system_packages
+
+PACKAGES = ("xvfb", "libxtst6")
+HOW_TO = f"Debian, Ubuntu: apt-get install {' '.join(PACKAGES)}"
 SYMS = {"Return": 0xFF0D, "Menu": 0xFF67, "Escape": 0xFF1B, "space": 0x20, "Tab": 0xFF09, "Down": 0xFF54}
 
 
@@ -18,26 +27,41 @@ class NoDisplay(RuntimeError):
     """There is no Xvfb, or no X test extension: the text says which."""
 
 
+def are_required(environment: Mapping[str, str]) -> bool:
+    return environment.get("SALAB_REQUIRE_KEYS", "") not in ("", "0")
+
+
+def find(environment: Mapping[str, str]) -> tuple[str, ctypes.CDLL, ctypes.CDLL]:
+    """The X server, and the libraries that speak with it and press its keys.
+
+    Raises:
+        NoDisplay: one of them is missing.
+    """
+    xvfb = shutil.which("Xvfb", path=environment.get("PATH"))
+    if xvfb is None:
+        raise NoDisplay(f"no Xvfb on PATH ({HOW_TO})")
+    try:
+        return xvfb, ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
+    except OSError as error:
+        raise NoDisplay(f"{error} ({HOW_TO})") from error
+
+
 class RealKeys:
     """An X server without a screen, and a hand on its keyboard and mouse."""
 
     def __enter__(self) -> RealKeys:
-        xvfb = shutil.which("Xvfb")
-        if xvfb is None:
-            raise NoDisplay("no Xvfb on PATH (Debian, Ubuntu: apt-get install xvfb)")
-        try:
-            self._x, self._test = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
-        except OSError as error:
-            raise NoDisplay(f"{error} (Debian, Ubuntu: apt-get install libxtst6)") from error
+        xvfb, self._x, self._test = find(os.environ)
         readable, writable = os.pipe()
         command = [xvfb, "-displayfd", str(writable), "-screen", "0", "1400x900x24", "-nolisten", "tcp"]
         self._server = subprocess.Popen(command, pass_fds=[writable], stderr=subprocess.DEVNULL)
         os.close(writable)
         with os.fdopen(readable) as pipe:
-            self.display = f":{pipe.readline().strip()}"
+            number = pipe.readline().strip()
+        if number == "":
+            raise NoDisplay(f"{xvfb} ended with {self._server.wait(10)} before it had a display")
+        self.display = f":{number}"
         self._x.XOpenDisplay.restype = ctypes.c_void_p
         self._x.XKeysymToKeycode.argtypes = [ctypes.c_void_p, ctypes.c_ulong]
-        self._x.XDefaultRootWindow.restype = ctypes.c_ulong
         self._connection = ctypes.c_void_p(self._x.XOpenDisplay(self.display.encode()))
         return self
 
@@ -69,3 +93,27 @@ class RealKeys:
         code = self._x.XKeysymToKeycode(self._connection, symbol)
         self._test.XTestFakeKeyEvent(self._connection, code, int(pressed), 0)
         self._x.XSync(self._connection, 0)
+
+
+def main(environment: Mapping[str, str]) -> int:
+    """Whether real keys can be had, after installing what is missing where they are required. The exit code."""
+    required = are_required(environment)
+    try:
+        try:
+            find(environment)
+        except NoDisplay as missing:
+            if not required:
+                raise
+            try:
+                system_packages.install("an X server for real keys", *PACKAGES, environment=environment)
+            except system_packages.NotInstalled as error:
+                raise NoDisplay(f"{missing}; {error}") from error
+            find(environment)
+    except NoDisplay as error:
+        print(f"== real keys NOT tested: {error}", flush=True)
+        return 1 if required else 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(os.environ))
