@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, instruction, tick
+from tests.support.participant_page import driving
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -17,20 +18,16 @@ pytestmark = pytest.mark.usefixtures("no_script_errors")
 
 
 @pytest.fixture(scope="module")
-def running() -> Iterator[FakeLab]:
+def one() -> Iterator[FakeLab]:
     with FakeLab() as lab:
         yield lab
 
 
 @pytest.fixture
-def lab(page: Page, running: FakeLab) -> FakeLab:
+def lab(page: Page, one: FakeLab) -> FakeLab:
     """In a round that runs; a page of its own each time."""
-    running.state = "trial"
-    page.goto(running.participant_url)
-    page.locator("[data-testid=connection][data-state=open]").wait_for()
-    running.send(tick(0))
-    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
-    return running
+    driving(page, one)
+    return one
 
 
 def test_the_arm_is_freed_by_two_presses_that_are_meant(page: Page, lab: FakeLab) -> None:

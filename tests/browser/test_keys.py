@@ -10,7 +10,8 @@ import pytest
 
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.support.fake_lab import FakeLab
-from tests.support.fake_pages import alert, tick
+from tests.support.fake_pages import alert
+from tests.support.participant_page import driving
 from tests.support.real_keys import NoDisplay, RealKeys, are_required
 
 if TYPE_CHECKING:
@@ -19,20 +20,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.usefixtures("no_script_errors")
-
-
-@pytest.fixture
-def lab() -> Iterator[FakeLab]:
-    with FakeLab(state="trial") as running:
-        yield running
-
-
-def driving(page: Page, lab: FakeLab) -> None:
-    page.goto(lab.participant_url)
-    page.get_by_test_id("page-drive").wait_for()
-    page.locator("[data-testid=connection][data-state=open]").wait_for()
-    lab.send(tick(0))
-    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
 
 
 def let_go(lab: FakeLab, after: int) -> None:

@@ -44,12 +44,6 @@ def own_words(tag: str) -> Words:
     return words_for(tag, own=f'msgid ""\nmsgstr ""\n"Plural-Forms: {FORMS[tag]};\\n"\n{ENTRIES}{forms}')
 
 
-@pytest.fixture
-def lab() -> Iterator[FakeLab]:
-    with FakeLab() as running:
-        yield running
-
-
 @pytest.mark.parametrize("tag", sorted(FORMS))
 def test_a_page_says_what_the_lab_would_say(page: Page, lab: FakeLab, tag: str) -> None:
     words = lab.words = own_words(tag)

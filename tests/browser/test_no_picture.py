@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,47 +9,17 @@ from typing import TYPE_CHECKING
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.test_pages_unit import opened, visible
 from tests.conftest import CHROMIUM_ARGUMENTS
-from tests.support import lab_server as labs
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, tick
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import SHORT, asked, events, invite, seen_by_experimenter, visit, write_study
+from tests.support.participant_page import LOSE_CONTEXT, left_at, opened, visible
+from tests.support.wire_client import asked, events, invite, seen_by_experimenter
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Frame, Page
 
 WITHIN_MS = 60_000
-LOSE = """() => document.querySelector("canvas[data-engine]").getContext("webgl2")
-  .getExtension("WEBGL_lose_context").loseContext()"""
-
-
-@pytest.fixture
-def lab() -> Iterator[FakeLab]:
-    with FakeLab() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def scene_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
-    """A lab that draws: real time, a scene, no physics engine."""
-    folder = tmp_path_factory.mktemp("scene")
-    with labs.start(folder / "data", "--robot", "kinematic", "--study", str(write_study(folder, SHORT))) as running:
-        yield running
-
-
-def in_thread(work: object) -> None:
-    """Run a coroutine: in this thread playwright has the loop."""
-    thread = threading.Thread(target=lambda: asyncio.run(work), daemon=True)  # type: ignore[arg-type]
-    thread.start()
-    thread.join(WITHIN_MS / 1000.0)
-    assert not thread.is_alive()
-
-
-async def left_in_trial(link: str) -> None:
-    async with visit(link) as player:
-        await player.reach("trial")
 
 
 def says(page: Page, data: str) -> None:
@@ -169,8 +137,10 @@ def flat_browser(browser: Browser, chromium_path: Path) -> Iterator[Browser]:
     started.close()
 
 
-def test_whoever_could_not_see_the_robot_is_told_before_they_agree(flat_browser: Browser, scene_lab: LabServer) -> None:
-    made = invite(scene_lab)
+def test_whoever_could_not_see_the_robot_is_told_before_they_agree(
+    flat_browser: Browser, drawing_lab: LabServer
+) -> None:
+    made = invite(drawing_lab)
     page = flat_browser.new_page()
     page.goto(made["link"])
     visible(page, "page-consent")
@@ -181,16 +151,16 @@ def test_whoever_could_not_see_the_robot_is_told_before_they_agree(flat_browser:
     expect(warning).to_be_focused()
     page.get_by_test_id("picture-again").click()
     assert warning.is_visible()
-    assert seen_by_experimenter(scene_lab, made["participant"])["state"] == "consent"
-    assert events(scene_lab, made["participant"], "step_picture") == [
+    assert seen_by_experimenter(drawing_lab, made["participant"])["state"] == "consent"
+    assert events(drawing_lab, made["participant"], "step_picture") == [
         ("step_picture", {"there": False, "why": "no_webgl"})
     ]
     page.close()
 
 
-def test_a_trial_does_not_run_in_a_browser_that_draws_nothing(flat_browser: Browser, scene_lab: LabServer) -> None:
-    made = invite(scene_lab)
-    in_thread(left_in_trial(made["link"]))
+def test_a_trial_does_not_run_in_a_browser_that_draws_nothing(flat_browser: Browser, drawing_lab: LabServer) -> None:
+    made = invite(drawing_lab)
+    left_at(made["link"], "trial")
     page = flat_browser.new_page()
     page.goto(made["link"])
     page.locator("[data-testid=scene-sign][data-kind=no_webgl]").wait_for(timeout=WITHIN_MS)
@@ -198,25 +168,25 @@ def test_a_trial_does_not_run_in_a_browser_that_draws_nothing(flat_browser: Brow
     page.close()
 
 
-def test_a_lost_context_pauses_the_trial_until_the_picture_is_back(page: Page, scene_lab: LabServer) -> None:
-    made = invite(scene_lab)
+def test_a_lost_context_pauses_the_trial_until_the_picture_is_back(page: Page, drawing_lab: LabServer) -> None:
+    made = invite(drawing_lab)
     participant = made["participant"]
-    in_thread(left_in_trial(made["link"]))
+    left_at(made["link"], "trial")
     page.goto(made["link"])
     go_on = page.get_by_test_id("resume-button")
     expect(go_on).to_be_enabled(timeout=WITHIN_MS)
     go_on.click()
     page.locator("[data-testid=state-sign][data-state=running]").wait_for(timeout=WITHIN_MS)
     scene: Frame = next(frame for frame in page.frames if frame.url.split("?")[0].endswith("/scene/"))
-    scene.evaluate(LOSE)
+    scene.evaluate(LOSE_CONTEXT)
     page.get_by_text("Waiting for the picture").wait_for(timeout=WITHIN_MS)
-    line = seen_by_experimenter(scene_lab, participant)
+    line = seen_by_experimenter(drawing_lab, participant)
     assert (line["state"], line["causes"]) == ("paused", ["picture"])
-    refused = asked(scene_lab, "POST", f"sessions/{participant}/resume", {})
+    refused = asked(drawing_lab, "POST", f"sessions/{participant}/resume", {})
     assert refused.status_code == 409 and "The picture of the robot is missing" in refused.text
     # Nobody presses anything: the frame is loaded again, and the trial goes on.
     page.locator("[data-testid=state-sign][data-state=running]").wait_for(timeout=WITHIN_MS)
     page.get_by_test_id("page-paused").wait_for(state="detached")
-    told_events = [data["event"] for _, data in events(scene_lab, participant, "state")]
+    told_events = [data["event"] for _, data in events(drawing_lab, participant, "state")]
     assert told_events[-2:] == ["picture_lost", "picture_back"]
-    assert seen_by_experimenter(scene_lab, participant)["state"] == "trial"
+    assert seen_by_experimenter(drawing_lab, participant)["state"] == "trial"

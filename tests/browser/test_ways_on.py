@@ -8,24 +8,17 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.test_no_picture import in_thread
-from tests.browser.test_pages_unit import opened, visible
 from tests.support import lab_server as labs
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, tick
 from tests.support.lab_server import LabServer
+from tests.support.participant_page import in_thread, left_at, opened, visible
 from tests.support.wire_client import SHORT, asked, events, invite, seen_by_experimenter, visit, write_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, Route
 
 WORKER = "**/wire/heartbeat_worker.js"
-
-
-@pytest.fixture
-def lab() -> Iterator[FakeLab]:
-    with FakeLab() as running:
-        yield running
 
 
 def beats(lab: FakeLab, mark: int, count: int) -> None:
@@ -208,16 +201,11 @@ def two_device_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServ
         yield running
 
 
-async def to(link: str, state: str) -> None:
-    async with visit(link) as player:
-        await player.reach(state)
-
-
 def test_the_set_up_waits_for_the_second_device_and_asks_there_for_the_sound(
     page: Page, two_device_lab: LabServer
 ) -> None:
     made = invite(two_device_lab)
-    in_thread(to(made["link"], "setup"))
+    left_at(made["link"], "setup")
     page.goto(made["link"])
     page.get_by_test_id("device-keyboard").click()
     assert page.get_by_test_id("setup-sound").count() == 0, "the alarm does not sound on this device"
@@ -244,7 +232,7 @@ def test_a_round_starts_when_the_second_device_is_there_and_says_how_to_open_it(
     page: Page, two_device_lab: LabServer
 ) -> None:
     made = invite(two_device_lab)
-    in_thread(to(made["link"], "trial_ready"))
+    left_at(made["link"], "trial_ready")
     page.goto(made["link"])
     start = page.get_by_test_id("start-button")
     expect(page.get_by_test_id("panel-state")).to_have_text("Waiting for the second device")
@@ -278,7 +266,7 @@ def test_a_round_starts_when_the_second_device_is_there_and_says_how_to_open_it(
 
 def test_whoever_cannot_open_it_goes_on_and_the_record_says_so(page: Page, two_device_lab: LabServer) -> None:
     made = invite(two_device_lab)
-    in_thread(to(made["link"], "setup"))
+    left_at(made["link"], "setup")
     page.goto(made["link"])
     page.get_by_test_id("device-keyboard").click()
     page.get_by_test_id("setup-submit").click()
