@@ -103,9 +103,12 @@ def test_the_task_is_in_sight_beside_the_picture(
     seen = min(size[1], scene["y"] + scene["height"]) - scene["y"]
     assert seen >= 0.4 * size[1], "of the picture too little is to be seen with it"
     lab.send(alert(1, "582.4"))
+    page.get_by_test_id("alert").wait_for()
     assert page.evaluate(OVERFLOW) == []
-    reading = page.get_by_test_id("alert-reading")
-    assert reached(reading)
+    for part in ("reading", "input", "submit", "countdown", "rest"):
+        box = page.get_by_test_id(f"alert-{part}").bounding_box()
+        assert box and box["y"] >= 0 and box["y"] + box["height"] <= size[1], f"{part} is below the fold"
+    assert reached(page.get_by_test_id("alert-reading"))
     assert reached(page.get_by_test_id("alert-submit"))
 
 
