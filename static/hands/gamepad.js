@@ -151,7 +151,7 @@ export class Pads extends Emitter {
   stuck() {
     return this._list().flatMap((pad) =>
       snapshot(pad).buttons.flatMap((value, index) =>
-        value > 0.5 ? [t("Button {n} of {pad}", { n: index, pad: pad.id })] : [],
+        value > 0.5 ? [t("Button {n} of {pad}", { n: index + 1, pad: pad.id })] : [],
       ),
     );
   }

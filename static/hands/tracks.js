@@ -26,13 +26,13 @@ import { isHatReleased } from "./mapping.js";
 export const PUSHED = 0.5;
 
 /**
- * What to call a control that stands in the way.
+ * What to call a control that stands in the way, counted as pads that print numbers count theirs.
  *
  * @param {Track} track
  * @returns {string}
  */
 export function nameOf({ kind, index }) {
-  return kind === "button" ? t("Button {n}", { n: index }) : t("Axis {n}", { n: index });
+  return kind === "button" ? t("Button {n}", { n: index + 1 }) : t("Axis {n}", { n: index + 1 });
 }
 
 /**

@@ -1,7 +1,7 @@
 // Whether this browser can draw the robot at all.
 
 /**
- * Draws nothing and leaves no context behind.
+ * Software drawing counts; WebGL 1 alone does not, with which viser draws nothing. It leaves no context behind.
  *
  * @returns {boolean}
  */

@@ -119,7 +119,7 @@ def test_a_trigger_that_reads_0_and_is_held_is_not_learned_upside_down(pure: Pag
         const held = [hand.step, hand.blocking];
         return [held, hand.then({ a2: -1 }, 700).map.up];""",
     )
-    assert held == ["up", "Axis 2 is held at 1.0"]
+    assert held == ["up", "Axis 3 is held at 1.0"]
     assert (control["rest"], control["sign"]) == (-1, 1)
 
 
@@ -159,7 +159,7 @@ def test_a_trigger_that_idles_half_way_is_learned_from_there(pure: Page) -> None
         hand.learning.ignore();
         return [named, pull(hand.then()), pull(new Hand([0, 0], [0, 0, 0.5]).then({}, 4500))];""",
     )
-    assert named == "Button 2 is held at 0.5"
+    assert named == "Button 3 is held at 0.5"
     assert after_ignore == by_itself == {"kind": "button", "index": 2, "rest": 0.5, "span": 0.5}
 
 
@@ -172,7 +172,7 @@ def test_a_stick_held_while_waking_is_named_and_never_learned_upside_down(pure: 
         const quick = new Hand([0, -1]).then({}, 600).then({ a1: 0 }, 100).then({ a1: -1 }, 300);
         return [blocked.blocking, fully.map, [quick.map, quick.learning.message]];""",
     )
-    assert blocked == "Axis 1 is held at 0.8"
+    assert blocked == "Axis 2 is held at 0.8"
     assert (held_fully["forward"]["sign"], held_fully["forward"]["rest"]) == (-1, 0)
     assert flicked == [{}, "Push it all the way, then let go."]
 
@@ -206,8 +206,8 @@ def test_what_never_changes_or_never_keeps_still_is_left_out(pure: Page) -> None
         noisy.then({ a1: -1 }); shake(); noisy.then({ a1: 0 });
         return [[named, stuck.map.forward], moving, noisy.map.forward.index];""",
     )
-    assert stuck == ["Button 1 is held at 1.0", {"kind": "button", "index": 0}]
-    assert moving == "Axis 2 moves"
+    assert stuck == ["Button 2 is held at 1.0", {"kind": "button", "index": 0}]
+    assert moving == "Axis 3 moves"
     assert learned == 1
 
 
@@ -242,7 +242,7 @@ def test_one_control_means_one_thing_and_what_is_held_for_long_is_named(pure: Pa
         return [message, held, hand.then({ b1: 1 }).then({ b1: 0 }).map.back];""",
     )
     assert "already means “forward”" in message
-    assert held == "Axis 1 is held at 0.8"
+    assert held == "Axis 2 is held at 0.8"
     assert went_on == {"kind": "button", "index": 1}
 
 

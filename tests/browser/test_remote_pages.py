@@ -82,6 +82,16 @@ def test_from_the_open_link_to_the_robot_and_a_second_tab_takes_over(
     frame.locator("canvas").first.wait_for()
 
 
+def test_a_browser_in_which_the_picture_would_stay_empty_does_not_fit(page: Page, open_lab: LabServer) -> None:
+    page.add_init_script("""{ const get = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...wishes) {
+          return kind === "webgl2" ? null : get.call(this, kind, ...wishes); }; }""")  # WebGL 1 alone is left
+    page.goto(link_of(open_lab))
+    page.get_by_test_id("join-begin").click()
+    visible(page, "check-summary")
+    assert (state_of(page, "window"), state_of(page, "webgl")) == ("good", "bad")
+
+
 def test_a_window_that_is_too_small_is_mended_or_ends_the_study(
     browser: Browser, page: Page, open_lab: LabServer
 ) -> None:

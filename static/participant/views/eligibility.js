@@ -4,6 +4,7 @@
 import { freshId, h, icon, setText, whileBusy } from "../../common/dom.js";
 import { number, t } from "../../common/language.js";
 import { ask, card } from "../../common/shell.js";
+import { canDraw } from "../webgl.js";
 
 /** @import { Refusal } from "../../wire/socket.js" */
 /** @import { Context, PageOf, View } from "../view.js" */
@@ -22,16 +23,6 @@ const LABELS = {
 };
 const MARKS = /** @type {const} */ ({ open: "clock", good: "check", bad: "warning" });
 const CHOICES = [1, 2, 3, 4, 5, 6];
-
-/** Whether anything 3-D can be drawn; software drawing counts. */
-function drawsIn3D() {
-  try {
-    const canvas = document.createElement("canvas");
-    return Boolean(canvas.getContext("webgl2") ?? canvas.getContext("webgl"));
-  } catch {
-    return false;
-  }
-}
 
 /** A finger is all there is: no mouse, no pen, no trackpad. */
 function touchOnly() {
@@ -189,7 +180,7 @@ export function view({ socket, pads, sound }, page) {
       ...(rows.has("browser") && { user_agent: navigator.userAgent.slice(0, 500) }),
       ...(rows.has("touch") && { has_touch_only: touchOnly() }),
       ...(rows.has("window") && { width_px: innerWidth, height_px: innerHeight }),
-      ...(rows.has("webgl") && { has_webgl: drawsIn3D() }),
+      ...(rows.has("webgl") && { has_webgl: canDraw() }),
       ...(rows.has("gamepad") && { is_secure: window.isSecureContext, pad_id: padId?.slice(0, 200) ?? null }),
       ...(rows.has("sound") && { tones: heard, tone_try: attempt }),
     };
