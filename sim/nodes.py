@@ -211,12 +211,7 @@ class NodeServer:
             if self._framed.get(number) == wanted:
                 continue
             self._framed[number] = wanted
-            with client.atomic():
-                eye.up_direction = (0.0, 0.0, 1.0)
-                eye.position = view.position_world_m
-                eye.look_at = view.look_at_world_m
-                eye.fov = fov_rad
-            client.flush()
+            _turn(client, view, fov_rad)
 
     def _cap(self, number: int, client: viser.ClientHandle) -> None:
         """Give an inset the caps it lacks. They hang from the nodes that they fill, and no other browser has them."""
@@ -235,9 +230,15 @@ class NodeServer:
             and math.isclose(eye.fov, view.fov_rad, rel_tol=1e-3)
         ):
             return
-        with client.atomic():
-            eye.up_direction = (0.0, 0.0, 1.0)
-            eye.position = view.position_world_m
-            eye.look_at = view.look_at_world_m
-            eye.fov = view.fov_rad
-        client.flush()
+        _turn(client, view, view.fov_rad)
+
+
+def _turn(client: viser.ClientHandle, view: CameraView, fov_rad: float) -> None:
+    """Point a browser's camera, in one message."""
+    eye = client.camera
+    with client.atomic():
+        eye.up_direction = (0.0, 0.0, 1.0)
+        eye.position = view.position_world_m
+        eye.look_at = view.look_at_world_m
+        eye.fov = fov_rad
+    client.flush()
