@@ -103,6 +103,7 @@ export class Toasts {
  * @property {boolean} [danger] Enter then gives the harmless answer
  * @property {string} testid
  * @property {Child} [extra]
+ * @property {AbortSignal | null} [signal] takes the question away, as if the person went back
  */
 
 /**
@@ -120,6 +121,7 @@ export function ask({
   danger = false,
   testid,
   extra = null,
+  signal = null,
 }) {
   return new Promise((resolve) => {
     const titleId = freshId("dialog-title");
@@ -160,6 +162,7 @@ export function ask({
       dialog.close();
     });
     no.addEventListener("click", () => dialog.close());
+    signal?.addEventListener("abort", () => dialog.close());
     dialog.addEventListener("close", () => {
       dialog.remove();
       resolve(answer);

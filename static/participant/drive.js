@@ -4,9 +4,10 @@ import { h, icon, setText } from "../common/dom.js";
 import { t } from "../common/language.js";
 import { AlertView } from "../readings/alert.js";
 import { wordsFor } from "../readings/words.js";
+import { CardOverScene } from "./card_over_scene.js";
 import { legendFor, UNKNOWN_KEY } from "./controls.js";
 import { FreeButton, TimeWords } from "./freeing.js";
-import { hintText } from "./hint.js";
+import { HintLine } from "./hint.js";
 import { indicator } from "./indicator.js";
 import { Inset } from "./inset.js";
 import { InstructionCard } from "./instruction_card.js";
@@ -40,8 +41,8 @@ import { view as pausedView } from "./views/paused.js";
 /** @typedef {PageOf<Driving & { can_resume: boolean, can_free?: boolean, text: string, causes?: string[] }, "paused">} PausedPage */
 
 const GRIPPER = { open: t("Gripper open"), closed: t("Gripper closed"), moving: t("Gripper moving") };
-/** @type {Partial<Record<Sign, string>>} why a round cannot start yet */
-const WHY_NOT = { unseen: t("Its picture is not there yet."), alone: t("The second device is not there yet.") };
+/** @type {ReadonlySet<Sign>} the time of a round stands still */
+const STANDS_STILL = new Set(["paused", "lost", "held", "recovering", "starting"]);
 
 /** @implements {View} */
 export class DriveView {
@@ -63,8 +64,6 @@ export class DriveView {
     this.status = null;
     /** @type {AlertView | null} */
     this.alert = null;
-    /** @type {HTMLButtonElement | null} */
-    this.start = null;
     /** @type {ReturnType<typeof secondDevice> | null} */
     this.panel = null; // of a round, where the readings appear on another device
     this.second = h("div", { class: "side-card", hidden: true, data: { testid: "second-lost" } });
@@ -75,13 +74,7 @@ export class DriveView {
     this.progress = new Progress();
     this.time = new TimeWords();
     this.free = new FreeButton({ socket, onDialog: (open) => this.dialog(open) });
-    this.hintText = h("span", {});
-    this.hint = h(
-      "p",
-      { class: "drive-hint", role: "status", data: { testid: "drive-hint" } },
-      icon("warning"),
-      this.hintText,
-    );
+    this.hint = new HintLine();
     this.gripper = h("p", { class: "gripper-state", data: { testid: "gripper-state" } });
     this.hands = indicator(this.input);
     this.legend = h("div", { class: "legend-box" });
@@ -93,7 +86,7 @@ export class DriveView {
     );
     this.soundButton.addEventListener("click", () => this.sound.unlock());
     this.notice = new PassingNotice();
-    this.overlay = h("div", { class: "overlay", hidden: true });
+    this.card = new CardOverScene();
     this.region = h(
       "div",
       {
@@ -105,8 +98,8 @@ export class DriveView {
       this.scene.element,
       this.soundButton,
       this.notice.element,
-      this.hint,
-      this.overlay,
+      this.hint.element,
+      this.card.element,
     );
     this.side = h(
       "aside",
@@ -176,7 +169,8 @@ export class DriveView {
         if (page.content.instruction) this.instruction.show(page.content.instruction);
         this._drawProgress(0, page.content.tasks);
       }
-      this._overlay(pausedView(this.context, page, () => this.scene.watch.reload()).element);
+      const { element, goOn } = pausedView(this.context, page, () => this.scene.watch.reload());
+      this.card.show(element, { goOn });
     } else {
       const { content } = page;
       const part = page.state.replace("_ready", "");
@@ -193,7 +187,8 @@ export class DriveView {
       this._showInset(content);
       this.instruction.looks = content.looks ?? {};
       if (content.instruction) this.instruction.show(content.instruction);
-      this._overlay(page.state.endsWith("_ready") ? this._startCard(page) : null);
+      if (page.state.endsWith("_ready")) this._startCard(page);
+      else this.card.show(null);
       if (this._ticking()) this._secondDevice();
       this.status = content.ready === false ? "starting" : null;
     }
@@ -241,8 +236,7 @@ export class DriveView {
     // The readings of a round appear on the second device: nobody starts while it is missing.
     this._secondDevice();
     const { element, button } = startCard({ socket: this.socket, page, panel: this.panel?.element ?? null });
-    this.start = button;
-    return element;
+    this.card.show(element, { start: button });
   }
 
   _secondDevice() {
@@ -253,14 +247,6 @@ export class DriveView {
     const link = this.page?.content.panel_link ?? null;
     const { socket, context } = this;
     this.panel = secondDevice({ socket, session: context.session, link, onChange: () => this._refresh() });
-  }
-
-  /** @param {HTMLElement | null} content */
-  _overlay(content) {
-    this.overlay.hidden = content === null;
-    this.overlay.className = content?.classList.contains("start-card") ? "overlay low" : "overlay";
-    this.overlay.replaceChildren(...(content ? [content] : []));
-    if (content) (content.querySelector("button") ?? content.querySelector("h1"))?.focus({ preventScroll: true });
   }
 
   /** @param {Tick} tick */
@@ -347,41 +333,42 @@ export class DriveView {
   }
 
   _refresh() {
-    if (!this.page) return;
-    this.picture.tell(this.page, this._ticking() && (this.status === null || this.status === "running"));
+    const { page } = this;
+    if (!page) return;
     const state = this._state();
+    this.picture.tell(page, this._ticking() && (this.status === null || this.status === "running"));
     this.sign.show(state);
-    if (this.start) {
-      const wait = state !== "ready";
-      this.start.disabled = wait;
-      this.start.title = wait ? (WHY_NOT[state] ?? t("The robot is not in place yet.")) : "";
-      if (!wait && !this.overlay.hidden && document.activeElement === document.body)
-        this.start.focus({ preventScroll: true });
-    }
-    const goOn = /** @type {HTMLButtonElement | null} */ (this.overlay.querySelector("[data-testid=resume-button]"));
-    if (goOn && goOn.getAttribute("aria-busy") !== "true") {
-      goOn.disabled = !this.scene.watch.there;
-      goOn.title = goOn.disabled ? t("The picture of the robot is not there yet.") : "";
-    }
-    const blocked = state === "running" && this.tick?.blocked;
-    setText(this.hintText, blocked ? hintText(this.tick?.hint) : "");
-    this.hint.classList.toggle("shown", Boolean(blocked));
     if (state === "lost" || state === "paused") this.notice.hide();
+    this.soundButton.hidden = this.sound.ready || this.alert === null;
+    this.card.refresh(state, this.scene.watch.there);
+    this._showTick(state);
+    this._showSecondDevice();
+    this._showAlert(state);
+    const driven = this._ticking() || (page.state === "paused" && page.content.can_free);
+    this.free.offer(!driven ? "no" : state === "lost" ? "lost" : state === "resetting" ? "returning" : "yes");
+    this.input.drive(this._driving());
+  }
+
+  /** @param {Sign} state */
+  _showTick(state) {
+    const { tick } = this;
+    this.hint.show(state === "running" && tick?.blocked ? tick : null);
+    const assisting = tick?.assisting ?? null;
+    this.assist.hidden = assisting === null;
+    if (assisting !== null) setText(this.assist, assisting ? t("The robot is assisting") : t("You are driving"));
+    this.time.show(this._ticking() ? (tick?.ending ?? null) : null);
+  }
+
+  _showSecondDevice() {
     const alone = this._ticking() && this.panel !== null && !this.panel.there();
     if (alone && this.second.hidden) this.second.replaceChildren(this.panel?.element ?? "");
     this.second.hidden = !alone;
-    const assisting = this.tick?.assisting ?? null;
-    this.assist.hidden = assisting === null;
-    if (assisting !== null) setText(this.assist, assisting ? t("The robot is assisting") : t("You are driving"));
-    this.soundButton.hidden = this.sound.ready || this.alert === null;
-    this.alert?.pause(
-      state === "paused" || state === "lost" || state === "held" || state === "recovering" || state === "starting",
-    );
-    this.time.show(this._ticking() ? (this.tick?.ending ?? null) : null);
-    const driven = this._ticking() || (this.page.state === "paused" && this.page.content.can_free);
-    this.free.offer(!driven ? "no" : state === "lost" ? "lost" : state === "resetting" ? "returning" : "yes");
-    this.alert?.conceal(this.page.state === "paused");
+  }
+
+  /** @param {Sign} state */
+  _showAlert(state) {
+    this.alert?.pause(STANDS_STILL.has(state));
+    this.alert?.conceal(this.page?.state === "paused");
     this.body.inert = Boolean(this.alert?.covering && !this.alert.concealed);
-    this.input.drive(this._driving());
   }
 }

@@ -7,7 +7,6 @@ import { ask } from "../common/shell.js";
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { LabSocket } from "../wire/socket.js" */
 
-const DIALOG = "free-dialog";
 const TITLE = t("Free the arm?");
 const TEXT = [
   t(
@@ -30,7 +29,8 @@ export class FreeButton {
     this.socket = socket;
     this.onDialog = onDialog;
     this.waiting = false;
-    this.asking = false;
+    /** @type {AbortController | null} */
+    this.asking = null;
     this.button = h(
       "button",
       { type: "button", class: "secondary small", data: { testid: "free-button" } },
@@ -56,13 +56,12 @@ export class FreeButton {
   /** @returns {void} */
   close() {
     this.said.hidden = true;
-    if (this.asking)
-      /** @type {HTMLDialogElement | null} */ (document.querySelector(`[data-testid=${DIALOG}]`))?.close();
+    this.asking?.abort();
   }
 
   async _ask() {
     this.onDialog(true);
-    this.asking = true;
+    this.asking = new AbortController();
     let answer = null;
     try {
       answer = await ask({
@@ -71,10 +70,11 @@ export class FreeButton {
         confirm: t("Free the arm"),
         back: t("Go on driving"),
         danger: true,
-        testid: DIALOG,
+        testid: "free-dialog",
+        signal: this.asking.signal,
       });
     } finally {
-      this.asking = false;
+      this.asking = null;
       this.onDialog(false);
     }
     if (answer === null || this.waiting) return;

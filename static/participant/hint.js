@@ -1,5 +1,6 @@
 // What to do when the arm does not move: the words for the lab's codes.
 
+import { h, icon, setText } from "../common/dom.js";
 import { t } from "../common/language.js";
 
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
@@ -37,4 +38,26 @@ export const ANY_WAY = t("Cannot move further that way. Go another way.");
 export function hintText(hint) {
   if (!hint) return ANY_WAY;
   return [CAUSES[hint.cause], ...hint.ways.map((way) => WAYS[way])].join(" ");
+}
+
+/** The line over the scene. It keeps its place while it says nothing. */
+export class HintLine {
+  constructor() {
+    this.text = h("span", {});
+    this.element = h(
+      "p",
+      { class: "drive-hint", role: "status", data: { testid: "drive-hint" } },
+      icon("warning"),
+      this.text,
+    );
+  }
+
+  /**
+   * @param {Tick | null} tick that the arm was blocked in; null for none
+   * @returns {void}
+   */
+  show(tick) {
+    setText(this.text, tick ? hintText(tick.hint) : "");
+    this.element.classList.toggle("shown", tick !== null);
+  }
 }

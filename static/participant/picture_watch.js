@@ -11,9 +11,9 @@ const AGAIN_MS = 3000;
 const LATER_MS = 15_000;
 
 /**
- * Emits "change" when the picture comes or goes.
+ * Emits "change" when the picture comes or goes, and "connection" whenever its frame tells whether it has one.
  *
- * @extends {Emitter<{ change: null }>}
+ * @extends {Emitter<{ change: null, connection: boolean }>}
  */
 export class PictureWatch extends Emitter {
   /** @param {HTMLIFrameElement} frame */
@@ -31,8 +31,10 @@ export class PictureWatch extends Emitter {
     this._message = (event) => {
       if (event.source !== this.frame.contentWindow) return;
       const { type, connected, drawn, why } = event.data ?? {};
-      if (type === "scene") this._on(Boolean(connected), this._draws, "connection");
-      else if (type === "picture") this._on(this._connected, Boolean(drawn), why ?? "context_lost");
+      if (type === "scene") {
+        this._on(Boolean(connected), this._draws, "connection");
+        this.emit("connection", Boolean(connected));
+      } else if (type === "picture") this._on(this._connected, Boolean(drawn), why ?? "context_lost");
     };
     addEventListener("message", this._message);
   }

@@ -51,19 +51,15 @@ export class Scene {
     this._names = null; // of the views that are drawn; null before any are
     this._drawn = false;
     this._sceneLost = false;
-    // The frame tells whether it is connected (app/web/scene_proxy.py).
-    /** @type {(event: MessageEvent) => void} */
-    this._message = (event) => {
-      if (event.source !== this.frame.contentWindow || event.data?.type !== "scene") return;
-      this._sceneLost = !event.data.connected;
-      if (event.data.connected) {
+    this.watch.addEventListener("connection", ({ detail: connected }) => {
+      this._sceneLost = !connected;
+      if (connected) {
         this._drawn = true;
         const view = this._keptView();
         if (view) this.socket.send({ type: "view", name: view }); // a new scene starts with the first one
       }
       this._update();
-    };
-    addEventListener("message", this._message);
+    });
     this._deafen = socket.on("state", () => this._update());
     this._update();
   }
@@ -93,7 +89,6 @@ export class Scene {
 
   /** @returns {void} */
   close() {
-    removeEventListener("message", this._message);
     this.watch.close();
     this._deafen();
   }

@@ -11,7 +11,7 @@ import { ADVICE } from "../picture_check.js";
  * @param {Context} context
  * @param {PageOf<{ can_resume: boolean, text: string, causes?: string[] }>} page
  * @param {(() => void) | null} [load] loads the picture of the robot again, where there is one
- * @returns {View}
+ * @returns {View & { goOn: HTMLButtonElement | null }} `goOn` where they go on by themselves
  */
 export function view({ socket }, page, load = null) {
   const { can_resume, text, causes = [] } = page.content;
@@ -39,9 +39,9 @@ export function view({ socket }, page, load = null) {
         kind: "primary large",
         testid: "resume-button",
       })
-    : waiting(
-        causes.includes("experimenter") || !unseen ? t("Waiting for the experimenter") : t("Waiting for the picture"),
-      );
+    : null;
+  const waitedFor =
+    causes.includes("experimenter") || !unseen ? t("Waiting for the experimenter") : t("Waiting for the picture");
   const element = card({
     title: t("Paused"),
     sign: "pause",
@@ -55,7 +55,7 @@ export function view({ socket }, page, load = null) {
         ADVICE.map((line) => h("li", {}, line)),
       ),
     ],
-    actions: [goOn, ...(unseen && load ? [again] : []), ...(unseen ? [reload] : [])],
+    actions: [goOn ?? waiting(waitedFor), ...(unseen && load ? [again] : []), ...(unseen ? [reload] : [])],
   });
-  return { element };
+  return { element, goOn };
 }
