@@ -93,7 +93,6 @@ class CameraView:
 class FollowingView:
     """A camera that goes where the gripper goes and looks along +y, from the robot's right (metres)."""
 
-    label: str
     eye_from_gripper_m: Vector3
     look_at_from_gripper_m: Vector3
     half_width_m: float
@@ -112,7 +111,7 @@ class FollowingView:
         away_m = self.look_at_from_gripper_m[1] - self.eye_from_gripper_m[1]
         return CameraView(
             "inset",
-            self.label,
+            "",
             _shifted(gripper_world_m, self.eye_from_gripper_m),
             _shifted(gripper_world_m, self.look_at_from_gripper_m),
             fov_rad=2.0 * math.atan(self.half_width_m / aspect / away_m),
@@ -152,7 +151,6 @@ SPECTATOR = CameraView(
 """Where the experimenters' own cameras start."""
 
 INSET = FollowingView(
-    "From the side, at the gripper",
     eye_from_gripper_m=(0.03, -1.20, 0.12),
     look_at_from_gripper_m=(0.03, 0.0, -0.02),
     half_width_m=0.22,
