@@ -124,13 +124,13 @@ def test_a_limit_that_is_near_is_told_in_calm_words(page: Page, lab: FakeLab) ->
 
 
 def test_the_instructions_tell_the_way_out_and_the_time_there_is(
-    page: Page, running: FakeLab, monkeypatch: pytest.MonkeyPatch
+    page: Page, one: FakeLab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(
-        running.content, "instructions", {**CONTENT["instructions"], "limits": {"task_s": 300, "trial_s": 90}}
+        one.content, "instructions", {**CONTENT["instructions"], "limits": {"task_s": 300, "trial_s": 90}}
     )
-    running.state = "instructions"
-    page.goto(running.participant_url)
+    one.state = "instructions"
+    page.goto(one.participant_url)
     page.get_by_test_id("page-instructions").wait_for()
     text = page.get_by_test_id("page-instructions").inner_text()
     assert "press “Free the arm” beside the picture" in text
