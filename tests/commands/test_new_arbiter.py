@@ -16,10 +16,7 @@ from study.flow.facts import as_read
 from tests.support.lab_server import ROOT
 from tests.support.study_samples import shipped_study
 
-
-@pytest.fixture(autouse=True)
-def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def files() -> list[str]:

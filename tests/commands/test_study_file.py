@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from frictionless import validate
 
-from app.__main__ import main
 from app.simulated.variants import fitted
 from app.trial.setup import study_setup
 from app.trial.world import open_study
@@ -19,18 +18,9 @@ from study.flow.overview import expected_minutes, overview
 from study.store import open_store
 from tests.export.test_export import fill
 from tests.support.study_samples import shipped_study
+from tests.support.typed_command import run
 
-
-@pytest.fixture(autouse=True)
-def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    """Exit status, stdout and stderr of a command."""
-    status = main(arguments)
-    printed = capsys.readouterr()
-    return status, printed.out, printed.err
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def test_a_new_study_is_the_papers_under_its_own_title(capsys: pytest.CaptureFixture[str]) -> None:
