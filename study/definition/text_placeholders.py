@@ -5,11 +5,11 @@ A text that says a number by itself goes on saying it when the study has another
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.definition.toml_reader import FieldPath, Problem
+from study.language.words import PLACEHOLDER
 
 FACTS: Mapping[str, str] = {
     "minutes": "about how long a participant takes, as `salab check` estimates it",
@@ -21,7 +21,6 @@ FACTS: Mapping[str, str] = {
 }
 """Every name, and what stands for it."""
 
-_PLACEHOLDER = re.compile(r"\{([a-z_]+)\}")
 _TEXTS: tuple[FieldPath, ...] = (
     ("consent", "text"),
     ("consent", "contact"),
@@ -35,7 +34,7 @@ _TEXTS: tuple[FieldPath, ...] = (
 
 def filled_text(text: str, facts: Mapping[str, str]) -> str:
     """The text with its facts. What is no fact stays as it stands."""
-    return _PLACEHOLDER.sub(lambda found: facts.get(found.group(1), found.group(0)), text)
+    return PLACEHOLDER.sub(lambda found: facts.get(found.group(1), found.group(0)), text)
 
 
 def filled_texts(data: Any, facts: Mapping[str, str]) -> Any:
@@ -56,7 +55,7 @@ def text_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
         for part in path:
             value = value.get(part) if isinstance(value, Mapping) else None
         for place, text in _texts_of(value, path):
-            for name in _PLACEHOLDER.findall(text):
+            for name in PLACEHOLDER.findall(text):
                 if name not in FACTS:
                     yield Problem(place, f"{{{name}}} is none of the facts a text may name: {', '.join(FACTS)}")
 
