@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from app.texts.sources import Text, texts
 from study.language.catalogue import REVIEWED, Catalogue, read, shipped_text
 from study.language.locales import Language, language
+from study.language.words import CONTEXT_END
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Gaps:
     missing: tuple[Text, ...]
     """Texts that are shown in English."""
     unused: tuple[tuple[str, int], ...]
-    """(text, line) of entries that nothing shows: the text is worded otherwise now, or a part of one's own shows it."""
+    """(text, line) of entries of none of the lab's texts: worded otherwise now, or shown by a part of one's own."""
 
 
 def gaps(*catalogues: Catalogue) -> Gaps:
@@ -25,13 +26,14 @@ def gaps(*catalogues: Catalogue) -> Gaps:
     known = {key for found in catalogues for key in (*found.texts, *found.plurals)}
     lines = catalogues[-1].lines if catalogues else {}
     missing = tuple(text for key, text in texts().items() if key not in known)
-    unused = tuple((key.rpartition("\x04")[2], line) for key, line in lines.items() if key not in texts())
+    unused = tuple((key.rpartition(CONTEXT_END)[2], line) for key, line in lines.items() if key not in texts())
     return Gaps(missing, unused)
 
 
 def template(tag: str, before: str = "") -> str:
-    """A translation into this language to fill in: PO, with all texts. `before` is one of an earlier version, whose
-    translations stay; else those of the translation that ships are there to be changed."""
+    """A translation into this language to fill in: PO, with all texts. `before` is one of an earlier version: what it
+    translates stays, at the end what is none of the lab's texts, which a part of one's own may show. Without one,
+    the translation that ships is there to be changed."""
     from babel import Locale
     from babel.messages.catalog import Catalog
     from babel.messages.pofile import read_po, write_po
@@ -41,20 +43,26 @@ def template(tag: str, before: str = "") -> str:
     locale = Locale.parse(tag, sep="-")
     made = Catalog(locale=locale)
     text = before or shipped_text(tag)[1]
-    old = read_po(io.BytesIO(text.encode()), locale=locale) if text else None
-    for key, entry in texts().items():
+    old = read_po(io.BytesIO(text.encode()), locale=locale) if text else Catalog(locale=locale)
+    made.mime_headers = [("Plural-Forms", old.plural_forms)]  # a file may count fewer forms than the language has
+    for entry in texts().values():
         ids = entry.one if entry.many is None else (entry.one, entry.many)
-        there = old.get(entry.one, entry.context) if old is not None else None
+        there = old.get(entry.one, entry.context)
         fits = there is not None and isinstance(there.id, str) == isinstance(ids, str)
         places = [(place.rpartition(":")[0] or place, 0) for place in entry.places]
         made.add(
             ids,
             there.string if there is not None and fits else None,
             locations=list(dict.fromkeys(places)),
-            flags=there.flags - {"python-format"} if there is not None and fits else (),
+            flags=there.flags if there is not None and fits else (),
+            user_comments=there.user_comments if there is not None else (),
             context=entry.context,
         )
-        assert key
+    for there in old:
+        if there.id and made.get(there.id, there.context) is None:
+            made.add(
+                there.id, there.string, flags=there.flags, user_comments=there.user_comments, context=there.context
+            )
     out = io.BytesIO()
     write_po(out, made, width=0, omit_header=True, include_lineno=False)
     return _header(known, read(text, tag).reviewed if text else "", made.plural_forms) + out.getvalue().decode()

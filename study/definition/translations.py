@@ -15,9 +15,9 @@ from study.definition.field_types import Part, Text
 from study.definition.toml_reader import Problem, closest
 from study.definition.toml_writer import long_text, toml
 from study.language.catalogue import Mistake, read, shipped, shipped_text
-from study.language.locales import language
+from study.language.locales import TAG, language
 
-LanguageTag = Annotated[str, Field(pattern=r"^[a-z]{2,3}(-[A-Za-z0-9]{2,8})*$", max_length=35, strict=True)]
+LanguageTag = Annotated[str, Field(pattern=TAG, max_length=35, strict=True)]
 TranslationName = Annotated[str, Field(pattern=r"^([A-Za-z0-9_][A-Za-z0-9_.-]*\.po)?$", max_length=100, strict=True)]
 MOST_BYTES = 1_000_000
 
@@ -80,7 +80,7 @@ def language_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
         yield Problem(("translation",), f"no such file beside this one; salab texts --language {tag} writes one")
     elif files and not name:
         yield Problem(("translations", 0, "file"), "is named by no translation; leave it out")
-    elif not files and tag != "en" and not shipped_text(tag)[0]:
+    elif not files and tag.partition("-")[0] != "en" and not shipped_text(tag)[0]:
         there_are = ", ".join(("en", *shipped()))
         yield Problem(
             ("language",),

@@ -89,6 +89,7 @@ def read(text: str, tag: str) -> Catalogue:
     texts: dict[str, str] = {}
     plurals: dict[str, Mapping[str, str]] = {}
     lines: dict[str, int] = {}
+    headers = _headers(text)
     places: Mapping[str, int] | None = None
     for message in found:
         if not message.id:
@@ -105,27 +106,31 @@ def read(text: str, tag: str) -> Catalogue:
             texts[key] = forms[0]
             continue
         if places is None:
-            places, wrong = _places(_plural_header(text), known)
+            places, wrong = _places(headers.get("plural-forms", ""), known)
             mistakes += wrong
-        if places and max(places.values()) < len(forms) and all(forms):
+        if places and all(place < len(forms) and forms[place] for place in places.values()):
             plurals[key] = {category: forms[place] for category, place in places.items()}
         elif places:
             needed, there = len(set(places.values())), sum(map(bool, forms))
             mistakes.append(Mistake(line, f"{one!r} has {there} plural forms, {known.name} has {needed}"))
-    said = re.search(rf'^"{REVIEWED}:(.*)\\n"', text, re.MULTILINE | re.IGNORECASE)
-    reviewed = said.group(1).strip() if said else ""
+    reviewed = headers.get(REVIEWED.lower(), "")
     return Catalogue(texts, plurals, lines, "" if reviewed.lower() == "no" else reviewed, tuple(mistakes))
 
 
-def _plural_header(text: str) -> str:
-    found = re.search(r"plural\s*=\s*([^;\"\\]+)", text)
-    return found.group(1) if found else ""
+def _headers(text: str) -> Mapping[str, str]:
+    """The headers of a file by their names in small letters. Editors break a long one over several lines."""
+    from babel.messages.pofile import denormalize
+
+    found = re.search(r'^msgid ""\s*\nmsgstr ((?:"(?:[^"\\]|\\.)*"\s*)+)', text, re.MULTILINE)
+    lines = denormalize(found[1].rstrip()).splitlines() if found else ()
+    return {name.strip().lower(): said.strip() for name, _, said in (line.partition(":") for line in lines)}
 
 
-def _places(formula: str, known: Language) -> tuple[Mapping[str, int], list[Mistake]]:
+def _places(header: str, known: Language) -> tuple[Mapping[str, int], list[Mistake]]:
     """The place of each plural category among a file's forms: `Plural-Forms` has to divide numbers as the language."""
+    formula = re.search(r"plural\s*=\s*([^;]+)", header)
     try:
-        place_of = gettext.c2py(formula)
+        place_of = gettext.c2py(formula[1] if formula else "")
         places: dict[str, int] = {}
         for number in _TRIED:
             if places.setdefault(known.category(number), place_of(number)) != place_of(number):

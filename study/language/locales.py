@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from functools import lru_cache
 
 from study.language.words import Direction, NumberSigns, english_category
 
+TAG = r"^[a-z]{2,3}(-[A-Za-z0-9]{2,8})*$"
+"""How a study file names a language: `de`, `pt-BR`."""
 FIRST_DIGITS = {
     "latn": "0",
     "adlm": "𞥐",
@@ -48,6 +51,8 @@ def language(tag: str) -> Language | None:
     """What is known of the language with this tag, such as `de` or `pt-BR`; None for an unknown one."""
     if tag == "en":  # what every lab speaks takes no library
         return Language(tag, "English", "ltr", english_category, frozenset({"one", "other"}), NumberSigns())
+    if not re.match(TAG, tag):
+        return None
     from babel import Locale, UnknownLocaleError
 
     try:

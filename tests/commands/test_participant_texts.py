@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
-from app.__main__ import main
 from app.texts.sources import texts
 from study.definition.study import DEFAULT_STUDY
 from study.language.catalogue import read
+from tests.support.typed_command import run
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    """Exit status, stdout and stderr of a command."""
-    status = main(arguments)
-    printed = capsys.readouterr()
-    return status, printed.out, printed.err
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def write_study(tag: str, translation: str = "") -> None:
@@ -40,12 +32,18 @@ def test_a_translation_is_written_filled_in_and_brought_up(capsys: pytest.Captur
     file = Path("texts.fr.po")
     empty = file.read_text(encoding="utf-8")
     entry = 'msgid "Agree and continue"\nmsgstr ""'
-    old = '\nmsgid "A text of an earlier version"\nmsgstr "Un texte"\n'
-    file.write_text(empty.replace(entry, entry[:-1] + 'Accepter"') + old, encoding="utf-8")
+    own = '\n# of our distractor\nmsgid "What is no text of the lab"\nmsgstr "Un texte"\n'
+    two_forms = re.sub(r"nplurals=3; .*;", "nplurals=2; plural=(n > 1);", empty).replace('\nmsgstr[2] ""', "")
+    file.write_text(two_forms.replace(entry, entry[:-1] + 'Accepter"') + own, encoding="utf-8")
     status, said, _ = run(capsys, "texts", "--language", "fr")
     assert status == 0 and f"{len(texts()) - 1} of them still to translate" in said
-    again = read(file.read_text(encoding="utf-8"), "fr")
-    assert again.texts == {"Agree and continue": "Accepter"} and set(again.lines) == set(texts())
+    brought_up = file.read_text(encoding="utf-8")
+    again = read(brought_up, "fr")
+    assert again.texts == {"Agree and continue": "Accepter", "What is no text of the lab": "Un texte"}
+    assert set(again.lines) == {*texts(), "What is no text of the lab"}
+    assert own in brought_up and "Plural-Forms: nplurals=2; plural=(n > 1);" in brought_up
+    assert run(capsys, "texts", "--language", "fr")[0] == 0
+    assert file.read_text(encoding="utf-8") == brought_up
 
 
 @pytest.mark.parametrize(

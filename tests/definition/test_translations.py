@@ -73,7 +73,12 @@ def test_english_can_be_worded_anew(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("keys", "direction"),
-    [('language = "de"\n', "ltr"), ('language = "ar"\n', "rtl"), ('language = "ar"\ndir = "ltr"\n', "ltr")],
+    [
+        ('language = "de"\n', "ltr"),
+        ('language = "en-GB"\n', "ltr"),
+        ('language = "ar"\n', "rtl"),
+        ('language = "ar"\ndir = "ltr"\n', "ltr"),
+    ],
 )
 def test_the_direction_is_the_languages_unless_the_file_says_otherwise(
     tmp_path: Path, keys: str, direction: str

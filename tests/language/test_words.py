@@ -82,6 +82,7 @@ def test_numbers_are_written_as_the_language_does(tag: str, direction: str, writ
 def test_what_is_no_language() -> None:
     assert language("xx") is None
     assert language("klingon") is None
+    assert language("PT") is None
 
 
 def test_plurals_are_the_languages_own() -> None:
@@ -131,6 +132,27 @@ def test_plural_forms_have_to_be_those_of_the_language() -> None:
     assert read(text, "de").mistakes == (
         Mistake(1, "Plural-Forms puts 2 elsewhere than other numbers that German treats like it"),
     )
+
+
+def test_a_header_may_go_on_in_another_line_as_editors_break_it() -> None:
+    plural, reviewed = (
+        '"Plural-Forms: nplurals=2; plural=(n "\n"!= 1);\\n"',
+        '"x-reviewed-for-data: A. Person, "\n"2026\\n"',
+    )
+    found = read(GERMAN.replace('"Plural-Forms: nplurals=2; plural=(n != 1);\\n"', f"{plural}\n{reviewed}"), "de")
+    assert found.mistakes == ()
+    assert found.plurals == read(GERMAN, "de").plurals
+    assert found.reviewed == "A. Person, 2026"
+
+
+def test_a_form_for_numbers_that_never_come_may_be_left_empty() -> None:
+    french = (
+        'msgid ""\nmsgstr ""\n"Plural-Forms: nplurals=3; plural=(n == 0 || n == 1) ? 0 : n != 0 && n % 1000000 == 0 ? '
+        '1 : 2;\\n"\n\nmsgid "one"\nmsgid_plural "{n}"\nmsgstr[0] "un"\nmsgstr[1] ""\nmsgstr[2] "{n} x"\n'
+    )
+    assert read(french, "fr").mistakes == ()
+    words = words_for("fr", own=french)
+    assert [words.tn("one", "{n}", n) for n in (0, 1, 2, 1_000_000)] == ["un", "un", "2 x", "1000000 x"]
 
 
 def test_signs_leave_what_is_no_digit() -> None:
