@@ -11,18 +11,18 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument, built_in
+from study.definition.builtin_questionnaires import Instrument, built_in
 from study.definition.checks import cross_problems
 from study.definition.field_types import Flag, Identifier, Part, Text, number
+from study.definition.files_beside import with_files_beside
 from study.definition.layouts import (
     LayoutInUse,
     LayoutSection,
@@ -30,14 +30,10 @@ from study.definition.layouts import (
     WorldCheck,
     in_use,
     known_to,
-    mesh_names,
-    own_layouts,
-    read_mesh,
     shipped_layouts,
 )
-from study.definition.named_parts import code_table, part_problems, sources_beside
-from study.definition.packaged_questionnaires import packaged_questionnaire
-from study.definition.questionnaires import Questionnaire, file_problems, own_ids
+from study.definition.named_parts import part_problems
+from study.definition.questionnaires import Questionnaire
 from study.definition.sections import (
     ArbiterSettings,
     CodeText,
@@ -64,12 +60,10 @@ from study.definition.toml_reader import (
     parse_toml,
     report,
 )
-from study.definition.toml_writer import as_table, long_text, toml
-from study.definition.translations import LanguageTag, TranslationFile, TranslationName, translation_beside
+from study.definition.translations import LanguageTag, TranslationFile, TranslationName
 from study.language.catalogue import words_for
 from study.language.words import Words
 from study.parts.code import Code
-from study.parts.errors import PartError
 from study.parts.shelf import Shelf
 from study.records import TICK_S, StudyError
 
@@ -224,7 +218,7 @@ def load_study(path: Path | str | None, *, world: WorldCheck | None = None, shel
     looked at. Raises `StudyFileError` with one line for every problem.
     """
     file = DEFAULT_STUDY if path is None else Path(path)
-    source, beside, problems, told = _with_files_beside(file, shelf)
+    source, beside, problems, told = with_files_beside(file, shelf)
     try:
         study = parse_study(source, name=str(file), world=world, shelf=shelf, beside=beside, told=told)
     except StudyFileError as error:
@@ -237,112 +231,10 @@ def load_study(path: Path | str | None, *, world: WorldCheck | None = None, shel
 def drafted(path: Path) -> LayoutInUse | None:
     """The layout of a study file that may have problems, for a picture of them; None when it cannot be read."""
     try:
-        source, *_ = _with_files_beside(path, None)
+        source, *_ = with_files_beside(path, None)
         return in_use(parse_toml(source, str(path))[0])
     except StudyFileError:
         return None
-
-
-def _with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[FileBeside], list[str], list[FieldPath]]:
-    """A study file's text with that of the files beside it, those files, what keeps one from being read, and the places
-    of parts of which that is told."""
-    source = _read(file)
-    data, text = parse_toml(source, str(file))
-    problems: list[str] = []
-    added, beside = _layout_beside(file, data, problems)
-    unread: list[Problem] = []
-    added = [*_questionnaires_beside(file, data, shelf, problems, unread), *added]
-    added += translation_beside(file, data, problems)
-    if shelf is not None:
-        codes, unread_code = sources_beside(data, file.parent, shelf)
-        added += [code_table(code) for code in codes]
-        unread += unread_code
-    problems += report(str(file), text, data, unread).problems if unread else ()
-    if added:
-        source = b"".join([source.rstrip(b"\n"), b"\n", *(table.encode() for table in added)])
-    return source, beside, problems, [problem.path for problem in unread]
-
-
-def _questionnaires_beside(
-    file: Path, data: Mapping[str, Any], shelf: Shelf | None, problems: list[str], unread: list[Problem]
-) -> list[str]:
-    """What is added to the study's text for the questionnaires in files beside it and of installed packages."""
-    named = data.get("surveys")
-    names = [name for name in named if isinstance(name, str)] if isinstance(named, list) else []
-    added = []
-    for name in dict.fromkeys(names):
-        if name in own_ids(data) or not _IDENTIFIER.match(name):
-            continue
-        beside = file.with_name(f"{name}.toml")
-        if name in INSTRUMENTS and (data.get("language", "en") == "en" or not beside.is_file()):
-            continue
-        try:
-            packages = shelf if name not in INSTRUMENTS else None
-            brought = packaged_questionnaire(name, packages.registries["questionnaire"]) if packages else None
-            if brought is not None and beside.is_file():
-                raise PartError(f"stands in {beside.name} and is brought by {brought[1]} as well; rename the file")
-        except PartError as error:
-            unread.append(Problem(("surveys", names.index(name)), str(error)))
-            added.append(_PLACEHOLDER.format(name=name))
-            continue
-        if brought is None and not beside.is_file():
-            continue
-        text = brought[0] if brought is not None else _read(beside)
-        origin = f"as {brought[1]} brought it" if brought is not None else "as it stood beside this file"
-        found = file_problems(text, str(beside))
-        problems += found
-        usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0], origin) if not found else None
-        added.append(usable or _PLACEHOLDER.format(name=name))
-    return added
-
-
-def _layout_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> tuple[list[str], list[FileBeside]]:
-    """What is added to the study's text for a layout in a file beside it, and for the meshes of its objects."""
-    name, entries = data.get("layout"), data.get("layouts", [])
-    own = {known: entry for known, (_, entry) in own_layouts(data).items()}
-    added: list[str] = []
-    beside: list[FileBeside] = []
-    candidate = file.with_name(f"{name}.toml") if isinstance(name, str) and _IDENTIFIER.match(name) else None
-    is_own = candidate is not None and name not in own and name not in shipped_layouts() and isinstance(entries, list)
-    if candidate is not None and is_own and candidate.is_file():
-        layout, text = parse_toml(_read(candidate), str(candidate))
-        beside.append(FileBeside(("layouts", len(entries)), str(candidate), text, layout))
-        added.append(as_table("layouts", str(name), layout))
-        own[str(name)] = layout
-    meshes = data.get("meshes")
-    there = {entry.get("file") for entry in (meshes if isinstance(meshes, list) else ()) if isinstance(entry, dict)}
-    for mesh in dict.fromkeys(mesh for layout in own.values() for mesh in mesh_names(layout)):
-        if mesh in there or not file.with_name(mesh).is_file():
-            continue
-        try:
-            text = read_mesh(file.with_name(mesh))
-        except StudyFileError as error:
-            problems += [f"{file.with_name(mesh)}: {sentence}" for sentence in error.problems]
-            text = _PLACEHOLDER_MESH
-        lines = ["", f"# {mesh}, as it stood beside this file", "[[meshes]]", f"file = {toml(mesh)}"]
-        added.append("\n".join([*lines, f"text = {long_text(text)}"]) + "\n")
-    return added, beside
-
-
-_IDENTIFIER = re.compile(r"[a-z0-9][a-z0-9_]*\Z")
-_PLACEHOLDER = """
-[[questionnaires]]
-id = "{name}"
-title = "-"
-intro = "-"
-score_means = "-"
-items = [{{ id = "item", text = "-", low = "-", high = "-" }}]
-"""
-"""Stands in for a questionnaire that cannot be used, so that the study file's own problems are told beside it."""
-_PLACEHOLDER_MESH = "v 0 0 0\nv 1 0 1\nv 0 1 0\nf 1 2 3\n"
-"""The same for a mesh."""
-
-
-def _read(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise StudyFileError([f"{file}: cannot be read: {error.strerror or error}"]) from None
 
 
 def parse_study(
