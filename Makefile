@@ -85,7 +85,7 @@ check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-j
 check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, types (needs Node.js)
 	@$(CHECK_JS)
 
-bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, simulated studies and analysis
+bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, pictures, simulated studies and analysis
 	@$(PY) -m tests.bench
 
 docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet

@@ -42,6 +42,13 @@ def pictures() -> Iterable[Figure]:
     return picture_figures()
 
 
+def depth() -> Iterable[Figure]:
+    """objects picked up by somebody who sees the pictures alone, with the inset and without"""
+    from tests.bench.depth import depth_figures
+
+    return depth_figures()
+
+
 def lockstep() -> Iterable[Figure]:
     """ticks per second through the whole stack, by the scripted client"""
     from tests.bench.live import lockstep_figures
@@ -78,7 +85,8 @@ def whole() -> Iterable[Figure]:
 
 
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
-    part.__name__: part for part in (decision, robots, live, pictures, lockstep, study, analysis, replication, whole)
+    part.__name__: part
+    for part in (decision, robots, live, pictures, depth, lockstep, study, analysis, replication, whole)
 }
 ON_REQUEST = ("whole",)
 
