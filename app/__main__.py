@@ -21,6 +21,7 @@ if __name__ == "__main__" and not IS_PATH_SAFE and Path(sys.path[0]).resolve() !
 # Else pydantic looks for plugins, which the lab has none of, in every installed package; one broken file would stop it.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
+from app.commands import console  # noqa: E402
 from app.commands.program import run  # noqa: E402
 from app.errors import LabError  # noqa: E402
 from study.records import StudyError  # noqa: E402
@@ -32,10 +33,20 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str] | None = None, flow: Flow | None = None) -> int:
     """Run one command, with pages of one's own if a `flow` is given; an error the user can mend is one line on stderr
     and exit status 1."""
+    console.prepare()
     try:
-        return run(sys.argv[1:] if arguments is None else arguments, flow)
+        status = run(sys.argv[1:] if arguments is None else arguments, flow)
+        console.flush()
+        return status
     except (LabError, StudyError) as error:
-        print(f"salab: {error}", file=sys.stderr)
+        console.complain(error)
+        return 1
+    except BrokenPipeError:
+        console.hush()
+        return console.GONE
+    except OSError as error:  # a folder without permission, a disk that is full, a name that is too long
+        console.hush()
+        console.complain(LabError(console.of_system(error)))
         return 1
     except KeyboardInterrupt:
         return 130

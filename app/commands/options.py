@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -52,12 +54,20 @@ def trust() -> Any:
 
 def folder(help: str) -> Any:
     """An option that takes a folder."""
-    return typer.Option(metavar="DIR", help=help)
+    return typer.Option(metavar="DIR", parser=place, help=help)
 
 
 def file(help: str) -> Any:
     """An option that takes a file."""
-    return typer.Option(metavar="FILE", help=help)
+    return typer.Option(metavar="FILE", parser=place, help=help)
+
+
+def place(text: str | Path) -> Path:
+    """The path of a text. A `~` that the shell left alone, as in `--data=~/lab`, is the home folder: a folder of that
+    name would be made else, and removing it would remove another one."""
+    if not str(text):
+        raise typer.BadParameter("the name of a file or folder is empty; . is this folder")
+    return Path(os.path.expanduser(text))  # unlike `Path.expanduser`, it leaves ./~ what it says
 
 
 def whole_number(text: str | int) -> int:

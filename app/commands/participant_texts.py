@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.commands.groups import STUDY_FILE
+from app.commands.options import file as file_option
 from app.errors import LabError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ LISTED = 40
 @commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab texts --language fr --out my-study.fr.po")
 def texts(
     language: Annotated[str, typer.Option(metavar="TAG", help="the language, such as fr or pt-BR")],
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="where; texts.TAG.po if not given")] = None,
+    out: Annotated[Path | None, file_option("where; texts.TAG.po if not given")] = None,
 ) -> None:
     """Write the participant's texts as a gettext file to translate.
 

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from app.commands import data, participant_texts, replication, serve, simulated, study_file
+from app.commands.console import shown
 from app.commands.groups import GroupedHelp
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def run(arguments: Sequence[str], flow: Flow | None = None) -> int:
         status = salab.main(list(arguments) or ["--help"], prog_name=NAME, standalone_mode=False, obj=flow)
     except typer.TyperException as error:
         command = f"{NAME} {arguments[0]}" if arguments[0] in salab.commands else NAME
-        print(f"{command}: {error.format_message().removesuffix('.')}; see `{command} --help`", file=sys.stderr)
+        print(f"{command}: {shown(error.format_message().removesuffix('.'))}; see `{command} --help`", file=sys.stderr)
         return error.exit_code
     return int(status or 0)
 

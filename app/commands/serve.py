@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import typer
 
 from app.commands import options
+from app.commands.console import announce, shown
 from app.commands.groups import RUN_A_STUDY
 from app.commands.options import choice, file, flow_of, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
@@ -112,23 +113,22 @@ def _announce(lab: Lab) -> None:
         "demo_link": lab.link(lab.demo_token),
     }
     rules = lab.setup.study.recruitment
-    print(
-        f"Shared Autonomy Lab: {lab.setup.study.title}\n"
+    announce(
+        f"Shared Autonomy Lab: {shown(lab.setup.study.title)}\n"
         f"  front page         {links['base_url']}/\n"
         f"  experimenter       {links['experimenter_link']}\n"
         f"  demo participant   {links['demo_link']}\n"
         + (f"  open link          {open_link(lab.base_url, rules)}\n" if rules.open else "")
-        + f"  data               {lab.config.data_dir}\n"
-        "Stop with Ctrl+C.",
-        flush=True,
+        + f"  data               {shown(str(lab.config.data_dir))}\n"
+        "Stop with Ctrl+C."
     )
     if lab.config.host not in LOOPBACK:
-        print(f"Listening on {lab.config.host}: others can reach this lab.", flush=True)
+        announce(f"Listening on {lab.config.host}: others can reach this lab.")
     is_local = urlsplit(lab.base_url).hostname in LOOPBACK
     if not is_local and not lab.base_url.startswith("https:"):
-        print("Without HTTPS the links travel in the clear, and browsers give pages no gamepad.", flush=True)
+        announce("Without HTTPS the links travel in the clear, and browsers give pages no gamepad.")
     if os.environ.get(READY_LINE):
-        print("READY " + json.dumps(links), flush=True)
+        announce("READY " + json.dumps(links))
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -53,9 +53,14 @@ def simulate(
 def analyze(
     directory: Annotated[
         Path,
-        typer.Argument(metavar="DIR", help="folder that `salab export` or `salab simulate` wrote", show_default=False),
+        typer.Argument(
+            metavar="DIR",
+            parser=options.place,
+            help="folder that `salab export` or `salab simulate` wrote",
+            show_default=False,
+        ),
     ],
-    out: Annotated[Path, typer.Option(metavar="REPORT", help="folder to write the report into")],
+    out: Annotated[Path, typer.Option(metavar="REPORT", parser=options.place, help="folder to write the report into")],
 ) -> None:
     """Analyse an export: report, figures, tables, measures.json."""
     from app.report.figure2 import heatmap_of

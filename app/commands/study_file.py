@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.commands import options
+from app.commands.console import shown
 from app.commands.groups import STUDY_FILE
 from app.commands.options import choice
 from app.commands.participant_texts import notes_on_texts
@@ -68,12 +69,13 @@ def new(
 
 @commands.command(rich_help_panel=STUDY_FILE, epilog="Example: salab check my-study.toml")
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="the study file")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", parser=options.place, help="the study file")],
     trust: Annotated[bool, options.trust()] = False,
     picture: Annotated[
         Path | None,
         typer.Option(
             metavar="PICTURE",
+            parser=options.place,
             help="where to draw the layout: a .png, .svg or .pdf; beside the study file if not given",
         ),
     ] = None,
@@ -92,16 +94,16 @@ def check(
         study = open_study(file, trust)
     except StudyFileError as error:
         for problem in error.problems:
-            print(problem, file=sys.stderr)
+            print(shown(problem), file=sys.stderr)
         draft = drafted_layout(file)
         if draft is not None and (picture is not None or draft.name not in shipped_layouts()):
             _draw(draft, file, picture)
         count = len(error.problems)
-        print(f"{file}: {count} problem{'' if count == 1 else 's'}", file=sys.stderr)
+        print(shown(f"{file}: {count} problem{'' if count == 1 else 's'}"), file=sys.stderr)
         return 1
-    print(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}")
+    print(shown(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}"))
     for line in notes_on_texts(study, file):
-        print(line)
+        print(shown(line))
     held = held_codes(file)
     for code in study.codes:
         print(code_line(code, trust, file.parent, code in held))

@@ -30,10 +30,12 @@ LOCK_NAME = "lab.lock"
 def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Database:
     """Open the database of a data folder, as `open_store` says."""
     path = folder / FILE_NAME
-    if must_exist and not path.is_file():
-        raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
     try:
+        if must_exist and not path.is_file():
+            raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
         folder.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not path.is_file():
+            raise StoreError(f"{path}: is no regular file; a lab's database cannot be there")
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     lock = _lock(folder) if exclusive else None
@@ -67,7 +69,9 @@ class Database:
     def __init__(self, path: Path, lock: IO[str] | None = None) -> None:
         self.path = path
         self._lock = lock
-        self.engine = sql.create_engine(f"sqlite:///{path}", connect_args={"timeout": 10.0})
+        # Put together, not written as text: the name of a folder may hold ? and %, which mean something in an address.
+        address = sql.URL.create("sqlite", database=str(path.absolute()))
+        self.engine = sql.create_engine(address, connect_args={"timeout": 10.0})
         sql.event.listen(self.engine, "connect", _set_up_connection)
         sql.event.listen(self.engine, "begin", _begin)
         self._writing = self.engine.execution_options(begin="BEGIN IMMEDIATE")

@@ -68,6 +68,7 @@ def copy_aside(path: Path, revision: str) -> Path:
 
     Raises `StoreError` when it cannot be written: nothing is changed without a copy.
     """
+    path = path.absolute()  # a relative one that begins with `file:` may be read as an address
     copy = path.with_name(f"{path.stem}.schema-{revision}{path.suffix}")
     unfinished = copy.with_name(f"{copy.name}.unfinished")
     try:
