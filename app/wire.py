@@ -18,6 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model, fi
 
 from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.flow import FLOW, Flow
+from study.flow.notes import NOTES, note_types
+from study.flow.page import MAX_NOTE_CHARACTERS
 from study.flow.steps import step_names
 
 PROTOCOL_VERSION = 1
@@ -29,8 +31,10 @@ Gripper = Literal["open", "close"]
 Identifier = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._:-]+$")]
 if TYPE_CHECKING:
     StepName: TypeAlias = str
+    NoteName: TypeAlias = str
 else:
     StepName = Literal[step_names()]
+    NoteName = Literal[tuple(NOTES)]
 Sequence = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 
 
@@ -105,15 +109,15 @@ class Submit(Message):
 
 
 class Note(Message):
-    """Something the page noticed, to be logged as an event: pad unplugged, view switched, page hidden."""
+    """Something the page noticed, to be logged as the event `page.NAME`: pad unplugged, view switched, page hidden."""
 
     type: Literal["note"] = "note"
     id: Identifier
     """Chosen by the client, new for each note, the same when it is resent."""
-    name: Identifier
+    name: NoteName
     """What was noticed."""
-    data: dict[str, str | int | float | bool | None] = Field(default_factory=dict)
-    """Details, by name."""
+    data: dict[str, Any] = Field(default_factory=dict, max_length=MAX_NOTE_CHARACTERS // 10)
+    """What the note holds; unknown keys are refused."""
 
 
 class View(Message):
@@ -418,10 +422,17 @@ def submit_type(flow: Flow) -> type[Submit]:
     return create_model("Submit", __base__=Submit, step=(step, ...))
 
 
+def note_type(flow: Flow) -> type[Note]:
+    """`Note` for a flow: the notes of its pages and no others."""
+    name: Any = Literal[tuple(note_types(flow))]
+    return create_model("Note", __base__=Note, name=(name, ...))
+
+
 def client_message(flow: Flow) -> TypeAdapter[ClientMessage]:
     """`CLIENT_MESSAGE` for a flow."""
     if flow is FLOW:
         return CLIENT_MESSAGE
     submit: Any = submit_type(flow)
-    either: Any = Hello | Input | Heartbeat | submit | Note | View | Pong
+    note: Any = note_type(flow)
+    either: Any = Hello | Input | Heartbeat | submit | note | View | Pong
     return TypeAdapter(Annotated[either, Field(discriminator="type")])

@@ -40,6 +40,7 @@ from study.definition.field_types import Part
 from study.definition.layouts import shipped_layouts, shipped_objects
 from study.definition.part_fields import model_of
 from study.definition.study import DEFAULT_STUDY, Study
+from study.flow.notes import NAMESPACE, NOTES, OWN
 from study.flow.steps import STEP_DATA
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, ColumnInfo, columns
 
@@ -402,7 +403,9 @@ def wire_protocol() -> str:
                 part: type[BaseModel] = getattr(wire, name)
                 held = table(("field", "value", "default", "meaning"), field_rows(part, defs[name], defs))
                 inside[name] = joined(f"### `{name}`", inspect.getdoc(part) or "", held)
-    return joined(*parts, "## What stands inside messages", *(inside[name] for name in sorted(inside)), steps())
+    return joined(
+        *parts, "## What stands inside messages", *(inside[name] for name in sorted(inside)), notes(), steps()
+    )
 
 
 def steps() -> str:
@@ -418,6 +421,24 @@ def steps() -> str:
         about = inspect.getdoc(model) or ""
         parts += [f"### {', '.join(of_model)}", about, table(("key", "value", "default", "meaning"), rows)]
     return joined(*parts)
+
+
+def notes() -> str:
+    """What `note.data` holds for each name, and who may say it."""
+    rows = []
+    for name, note in NOTES.items():
+        _, whole = models_json_schema([(note.data, "validation")], ref_template="{model}")
+        held = field_rows(note.data, whole["$defs"][note.data.__name__], whole["$defs"])
+        rows.append(
+            (f"`{name}`", ", ".join(note.roles), "; ".join(f"{row[0]}: {row[1]}" for row in held), note.meaning)
+        )
+    return joined(
+        "## What a note holds",
+        f"`data` of a `note`, by its `name`. It is logged as the event `{NAMESPACE}NAME`, with the page's `role`. Any "
+        f"other name is refused, and so is a key that is not listed. Pages of your own have notes of their own: "
+        f"`{OWN}NAME`.",
+        table(("name", "page", "holds", "meaning"), rows),
+    )
 
 
 # ---- the packages -----------------------------------------------------------------------------------------------

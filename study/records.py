@@ -327,19 +327,16 @@ class EventRow:
     trial: int | None = column("Trial running at the time; blank = none")
     tick: int | None = column("Tick running at the time; blank = none")
     utc: str = column("When the lab learned of it", unit=UTC)
-    kind: str = column("Name of the event")
+    kind: str = column(
+        "Name of the event. page.NAME = the participant's page, or second device, noted it by itself; page.own.NAME = "
+        "a page of the study's own did"
+    )
     source: str = column("Who caused it", levels=("participant", "experimenter", "lab", "robot"))
     data: str = column(
         "JSON: details. by = the experimenter's initials; characters = length of words that somebody wrote and that no "
         "export holds",
         json="object",
     )
-
-
-def is_note(row: EventRow) -> bool:
-    """Whether a page of the participant noted this, under a name of its choice: the lab adds the page's role to it, and
-    to nothing else that it records of what participants do with the robot."""
-    return row.source == "participant" and '"role": ' in row.data
 
 
 TABLES: dict[str, type] = {

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from app.session.history import KEPT_EVENTS
@@ -13,15 +12,31 @@ from app.trial.values import CycleStart, UserInput, cycle_from_json, inputs_of
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import from_rows
 from study.flow.protocol import WorkerKind
-from study.records import OVERRUN_MS, EventRow, is_note, unix_s
+from study.flow.recorded import (
+    ARM_FREED,
+    FREE_ASKED_BY_EXPERIMENTER,
+    FREE_ASKED_BY_PARTICIPANT,
+    FREE_NOT_NEEDED,
+    HELP,
+    HELP_SEEN,
+    SET_UP,
+    STARTED_BY_EXPERIMENTER,
+    STARTED_BY_PARTICIPANT,
+    Recorded,
+    time_of,
+)
+from study.records import OVERRUN_MS, EventRow
 from study.store import Store, StoredSession
 
-_ASKERS: Mapping[str, Freer] = {"step_free_arm": "participant", "free_arm": "experimenter"}
-"""Events that ask to free the arm, and who asks."""
-_ABOUT_FREEING = (*_ASKERS, "arm_freed", "free_not_needed", "start", "step_start")
-"""Those, and what becomes of it; practice and trial each begin with nothing asked for."""
-_CALLS = {("step_help", "participant"), ("help_seen", "experimenter")}
-"""What a call for help leaves behind: an event, and by whom."""
+_ABOUT_FREEING: tuple[tuple[Recorded[Any], Freer | None], ...] = (
+    (FREE_ASKED_BY_PARTICIPANT, "participant"),
+    (FREE_ASKED_BY_EXPERIMENTER, "experimenter"),
+    (ARM_FREED, None),
+    (FREE_NOT_NEEDED, None),
+    (STARTED_BY_PARTICIPANT, None),
+    (STARTED_BY_EXPERIMENTER, None),
+)
+"""What asks to free the arm, and who asks; and what becomes of it. Practice and trial each begin with nothing asked."""
 
 
 def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) -> Resumed:
@@ -31,10 +46,10 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
     rows = store.rows_of(table, participant, trial=session.trial) if session.worker else ()
     alerts = store.rows_of("alerts", participant, trial=session.trial) if table == "ticks" else ()
     events: tuple[EventRow, ...] = store.rows_of("events", participant)
-    setups = [json.loads(row.data) for row in events if row.kind == "step_setup"]
-    calls = [row for row in events if (row.kind, row.source) in _CALLS][-1:]
+    setups = [found for found in map(SET_UP.of, events) if found]
+    calls = [row for row in events if HELP.of(row) or HELP_SEEN.of(row)][-1:]
     words = with_words(calls, store.identities(participant)) if calls else []
-    is_open = bool(calls) and calls[0].kind == "step_help"
+    is_open = bool(calls) and HELP.of(calls[0]) is not None
     times = [stored.created_utc, *(row.utc for row in events), *(row.started_utc for row in rows[-1:])]
     return Resumed(
         distractor=from_rows(distractor, stored.seed, alerts),
@@ -43,10 +58,10 @@ def resumed(store: Store, stored: StoredSession, distractor: Distractor[Any]) ->
         overruns=sum(1 for row in rows if (row.late_ms or 0.0) > OVERRUN_MS),
         frees=sum(1 for row in rows if row.source == "free"),
         freed_by=_freed_by(events, session.trial) if session.worker else None,
-        sound=setups[-1].get("sound") if setups else None,
-        help_wanted=HelpCall(words[0].get("text", ""), calls[0].utc) if is_open else None,
+        sound=setups[-1].sound if setups else None,
+        help_wanted=HelpCall(str(words[0].get("text", "")), calls[0].utc) if is_open else None,
         events=events[-KEPT_EVENTS:],
-        last_unix_s=max(map(unix_s, filter(None, times))),
+        last_unix_s=max((at for at in map(time_of, times) if at is not None), default=0.0),
     )
 
 
@@ -67,5 +82,8 @@ def cycle_under_way(
 
 def _freed_by(events: Iterable[EventRow], trial: int) -> Freer | None:
     """Who has asked to free the arm in the practice or the trial under way, if no tick has done it."""
-    about = [row for row in events if row.trial == trial and row.kind in _ABOUT_FREEING and not is_note(row)]
-    return _ASKERS.get(about[-1].kind) if about else None
+    asked: Freer | None = None
+    for row in events:
+        if row.trial == trial:
+            asked = next((asker for event, asker in _ABOUT_FREEING if event.of(row)), asked)
+    return asked

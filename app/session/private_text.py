@@ -6,11 +6,11 @@ identity   note-1f2e3d4c: "asked for her inhaler"                       never ex
 
 from __future__ import annotations
 
-import json
 import secrets
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from study.flow.recorded import data_of, is_note
 from study.records import EventRow
 
 Private = tuple[tuple[str, str], ...]
@@ -26,13 +26,16 @@ def apart(kind: str, text: str | None) -> tuple[dict[str, Any], Private]:
 
 
 def with_words(events: Iterable[EventRow], identities: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
-    """The data of events as experimenters read them: the words back in their place, under `text`."""
+    """The data of events as experimenters read them: the words back in their place, under `text`.
+
+    What a page noted by itself has no words of its own in the lab, whatever it says.
+    """
     kept = dict(identities)
-    return [_together(json.loads(row.data), kept) for row in events]
+    return [data_of(row) if is_note(row) else _together(data_of(row), kept) for row in events]
 
 
 def _together(data: dict[str, Any], kept: Mapping[str, str]) -> dict[str, Any]:
-    if "words" not in data:
+    if not isinstance(data.get("words"), str):
         return data
     rest = {name: value for name, value in data.items() if name not in ("words", "characters")}
-    return {**rest, "text": kept.get(str(data["words"]), "")}
+    return {**rest, "text": kept.get(data["words"], "")}

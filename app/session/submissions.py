@@ -18,6 +18,7 @@ from app.trial.reasoning import PartFault
 from app.wire import Message, Note, Submit, View
 from app.worker.messages import SetView
 from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS
+from study.flow.notes import read_note
 from study.flow.page import Refused, StepContext, parse
 from study.flow.protocol import IllegalEvent
 from study.flow.steps import AlertData
@@ -25,7 +26,7 @@ from study.records import EventRow
 from study.store import Batch, ConsentGiven
 
 STEPS_OF_THE_STUDY = "step_"
-"""How the events of steps begin: a session that is brought up again goes by them."""
+"""How the events of steps begin."""
 
 
 class Submissions:
@@ -39,18 +40,25 @@ class Submissions:
         """A page sent something that is not about the hands."""
         if isinstance(message, Submit):
             await self._on_submit(client, message)
-        elif isinstance(message, Note) and message.name.startswith(STEPS_OF_THE_STUDY):
-            refuse(client, "invalid", "name", f"{message.name!r}: so begins what the lab records of a step", message.id)
         elif isinstance(message, Note):
-            data = {**message.data, "role": client.role}
-            event = self._context.event(message.name, "participant", data)
-            await self._context.commit(Batch(submission=self._context.submission(message.id), events=(event,)))
-            acknowledge(client, message.id)
-            if client.role == "panel" and message.name == "panel_heard":
-                self._context.vitals.panel_heard = message.data.get("heard") is True
-                self._context.connections.show_panel(self._context.vitals.panel_heard)
+            await self._on_note(client, message)
         elif isinstance(message, View):
             await self._on_view(client, message)
+
+    async def _on_note(self, client: Client, message: Note) -> None:
+        context = self._context
+        try:
+            kind, data = read_note(context.services.flow, message.name, message.data, client.role)
+        except Refused as refused:
+            for place, text in refused.problems:
+                refuse(client, refused.code, place, text, message.id)
+            return
+        event = context.event(kind, "participant", data)
+        await context.commit(Batch(submission=context.submission(message.id), events=(event,)))
+        acknowledge(client, message.id)
+        if message.name == "panel_heard":
+            context.vitals.panel_heard = data["heard"]
+            context.connections.show_panel(data["heard"])
 
     async def _on_view(self, client: Client, message: View) -> None:
         if client.role != "participant":

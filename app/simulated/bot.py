@@ -201,7 +201,7 @@ class PanelBot:
         """
         logged = 0
         marker = self._wire.new_id()
-        await self._wire.send(Note(id=marker, name="panel_sync"))
+        await self._wire.send(Note(id=marker, name="in_step"))
         while True:
             message = await self._wire.receive()
             if isinstance(message, Alert):

@@ -36,6 +36,7 @@ from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
 from app.web.sessions_api import SessionReply, session_reply
 from study.flow.page import Text
 from study.flow.protocol import Session
+from study.flow.recorded import data_of, kind_of
 from study.records import EventRow
 from study.store import StoredSession
 
@@ -275,17 +276,16 @@ class Stream:
     ) -> None:
         if participant != self._watched:
             return  # another one was opened meanwhile
-        data = [json.loads(row.data) for row in events]
-        if any("words" in one for one in data):
-            identities = await asyncio.to_thread(self._lab.store.store.identities, participant)
-            data = with_words(events, identities)
+        has_words = any("words" in data_of(row) for row in events)
+        identities = await asyncio.to_thread(self._lab.store.store.identities, participant) if has_words else ()
+        told = zip(events, with_words(events, identities), strict=True)
         await self._send(
             {
                 "type": "watched",
                 "participant": participant,
                 "since_start": fresh,
                 "ticks": [asdict(explanation) for explanation in explanations],
-                "events": [{**asdict(row), "data": one} for row, one in zip(events, data, strict=True)],
+                "events": [{**asdict(row), "kind": kind_of(row), "data": data} for row, data in told],
             }
         )
 

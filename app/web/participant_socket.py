@@ -235,7 +235,5 @@ def _is_unicode(text: str) -> bool:
 def _refusal(error: ValidationError, identifier: str | None) -> Error:
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     place = [str(part) for part in first["loc"]]
-    if place[:2] == ["note", "data"]:
-        del place[3:]  # it names the type that was tried, of the several that a value may have
     field = ".".join(place[1:] if len(place) > 1 else place) or "type"
     return Error(code="invalid", field=field[:MAX_FIELD_CHARACTERS], message=str(first["msg"])[:500], id=identifier)

@@ -18,8 +18,10 @@ function shown(value) {
  * @returns {HTMLLIElement}
  */
 export function eventLine({ utc, kind, source, data, tick }) {
-  const { by, text, ...rest } = data;
-  const details = Object.entries(rest)
+  // What a page noted by itself says nothing of who did it and has no words that the lab kept.
+  const isNote = kind.startsWith("page.");
+  const { by, text, ...rest } = isNote ? {} : data;
+  const details = Object.entries(isNote ? data : rest)
     .filter(([, value]) => value !== null && value !== "")
     .map(([name, value]) => `${name}: ${shown(value)}`)
     .join(", ");
@@ -32,7 +34,7 @@ export function eventLine({ utc, kind, source, data, tick }) {
     h(
       "span",
       {},
-      h("strong", {}, kind.replaceAll("_", " ")),
+      h("strong", {}, kind.replaceAll(/[_.]/g, " ")),
       ` by ${who}${tick === null ? "" : `, tick ${tick}`}`,
       text ? h("span", { class: "event-words" }, `“${text}”`) : null,
       details ? h("span", { class: "event-details" }, details) : null,

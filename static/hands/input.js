@@ -64,7 +64,7 @@ export class Input extends Emitter {
     pads.addEventListener("plug", (event) => this._plugged(event.detail));
     socket.addEventListener("welcome", (event) => this._welcome(event.detail));
     document.addEventListener("visibilitychange", () => {
-      socket.note(document.hidden ? "page_hidden" : "page_visible");
+      socket.note(document.hidden ? "hidden" : "visible");
       this._beat();
     });
     this._restore();

@@ -84,7 +84,7 @@ export class LabSocket extends Emitter {
   /**
    * Something the page noticed. Nobody waits for it, but it is resent like a submit.
    *
-   * @param {string} name
+   * @param {wire.Note["name"]} name one of the notes the lab knows; a page of your own has `own.NAME`
    * @param {NonNullable<wire.Note["data"]>} [data]
    * @returns {void}
    */

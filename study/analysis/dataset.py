@@ -23,7 +23,8 @@ from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
 from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
-from study.records import AlertRow, EventRow, ParticipantRow, StudyError, TaskRow, TrialRow, is_note
+from study.flow.recorded import ARM_FREED
+from study.records import AlertRow, EventRow, ParticipantRow, StudyError, TaskRow, TrialRow
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",
@@ -194,8 +195,7 @@ def load(folder: Path | str) -> DataSet:
     who_freed = [
         row
         for row in read_table(folder, "events")
-        if row.kind == "arm_freed" and (row.participant, row.trial) in kept and not is_note(row)
-        if '"phase": "trial"' in row.data
+        if (row.participant, row.trial) in kept and (freed := ARM_FREED.of(row)) and freed.phase == "trial"
     ]
     ended = _ended(conditions, trials, tasks, who_freed)
     parameters, changed = _parameters(trials)

@@ -403,6 +403,12 @@ def _page_problems(page: FlowPage, pages: tuple[FlowPage, ...]) -> Iterator[str]
             yield f"{named}: step {name!r} is another one in {others}; choose another name"
         if not NAME.fullmatch(name):
             yield f"{named}: step {name!r}: a step is small letters, digits and _, at most 40"
+    for name, data in page.notes.items():
+        namesakes = [other.state for other in pages[: pages.index(page)] if other.notes.get(name, data) is not data]
+        if namesakes:
+            yield f"{named}: note {name!r} is another one in {', '.join(namesakes)}; choose another name"
+        if not NAME.fullmatch(name):
+            yield f"{named}: note {name!r}: a note is small letters, digits and _, at most 40"
 
 
 FLOW = Flow(PAGES)

@@ -39,6 +39,8 @@ def _readable(text: str) -> str:
 Text = Annotated[str, Field(max_length=MAX_TEXT_CHARACTERS), AfterValidator(_readable)]
 """What is typed freely. It is taken as it stands, or refused."""
 Name = Annotated[str, Field(max_length=200)]
+MAX_NOTE_CHARACTERS = 2000
+"""How long a note's data may be, as JSON."""
 Content: TypeAlias = Mapping[str, Any]
 """What a view needs, by name; it goes over the wire as JSON."""
 
@@ -250,5 +252,8 @@ class FlowPage:
     """Whether it comes in every trial. Such pages stand together: the last one leads back to the first."""
     between_trials: bool = False
     """Whether it is left out after the last trial."""
+    notes: Mapping[str, type[StepData]] = field(default_factory=dict)
+    """What its view may note for the record, by name: `socket.note("own.NAME", data)` becomes the event
+    `page.own.NAME`. The model says what a note holds, its docstring what it means; at most `MAX_NOTE_CHARACTERS`."""
     view: str | Path | None = None
     """What shows it: the name of a module of static/participant/views (None = the state's), or a file of one's own."""

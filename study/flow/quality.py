@@ -1,9 +1,9 @@
 """Whether a trial went as it should: a verdict by the study file's rules, from what was recorded. Pure.
 
 What is measured comes from the events between the trial's first tick and its end: the page's round trips
-(`round_trip`), when it was hidden (`page_hidden`, `page_visible`), when it lost the focus (`focus_lost`) or the gamepad
-(`pad_unplugged`), that the computer's clock was set (`clock_set`), and from the late ticks, the alerts and the freed
-arms of the trial.
+(`round_trip`), when it was hidden (`page.hidden`, `page.visible`), when it lost the focus (`focus_lost`) or the gamepad
+(`page.pad_unplugged`), that the computer's clock was set (`clock_set`), and from the late ticks, the alerts and the
+freed arms of the trial. What cannot be read of the record is passed over: no event keeps a trial from ending.
 """
 
 from __future__ import annotations
@@ -15,6 +15,17 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from study.definition.sections import QualityRules
+from study.flow.recorded import (
+    CLOCK_SET,
+    CONNECTED,
+    FOCUS_LOST,
+    PAD_UNPLUGGED,
+    PAGE_HIDDEN,
+    PAGE_VISIBLE,
+    ROUND_TRIP,
+    TAB_TAKEN_OVER,
+    time_of,
+)
 from study.records import EventRow, TrialRow, unix_s
 
 Verdict = Literal["good", "suspect"]
@@ -51,25 +62,27 @@ def measure(
     started, ended = unix_s(started_utc), unix_s(ended_utc)
     trips: list[float] = []
     clock_set_s: list[float] = []
-    counted = {"focus_lost": 0, "pad_unplugged": 0}
+    focus_losses = pad_losses = 0
     hidden_s, hidden_since = 0.0, None
     for event in events:
-        at = unix_s(event.utc)
-        if at > ended:
+        at = time_of(event.utc)
+        if at is None or at > ended:
             continue
-        if event.kind == "page_hidden" and hidden_since is None:
-            hidden_since = at
-        elif event.kind in ("page_visible", "connected", "tab_taken_over") and hidden_since is not None:
-            hidden_s += max(0.0, at - max(hidden_since, started))
+        if PAGE_HIDDEN.of(event):
+            hidden_since = at if hidden_since is None else hidden_since
+        elif _is_seen(event):
+            hidden_s += 0.0 if hidden_since is None else max(0.0, at - max(hidden_since, started))
             hidden_since = None
-        elif at >= started and event.kind in counted:
-            counted[event.kind] += 1
-        elif at < started or event.source != "lab":
-            continue  # a page may note what it likes, and what the lab measures is not among it
-        elif event.kind == "clock_set":
-            clock_set_s.append(float(json.loads(event.data)["by_s"]))
-        elif event.kind == "round_trip":
-            trips.append(float(json.loads(event.data)["ms"]))
+        elif at < started:
+            continue
+        elif FOCUS_LOST.of(event):
+            focus_losses += 1
+        elif PAD_UNPLUGGED.of(event):
+            pad_losses += 1
+        elif clock_set := CLOCK_SET.of(event):
+            clock_set_s.append(clock_set.by_s)
+        elif round_trip := ROUND_TRIP.of(event):
+            trips.append(round_trip.ms)
     if hidden_since is not None:
         hidden_s += ended - max(hidden_since, started)
     trips.sort()
@@ -77,13 +90,19 @@ def measure(
         round_trip_ms=trips[math.ceil(0.95 * len(trips)) - 1] if trips else None,
         hidden_s=round(hidden_s, 3),
         missed_ticks=missed_ticks,
-        focus_losses=counted["focus_lost"],
-        pad_losses=counted["pad_unplugged"],
+        focus_losses=focus_losses,
+        pad_losses=pad_losses,
         unanswered_alerts=unanswered_alerts,
         clock_set_s=tuple(clock_set_s),
         lasted_s=ended - started,
         frees=frees,
     )
+
+
+def _is_seen(event: EventRow) -> bool:
+    """Whether the participant's page is in front of them again: shown, or loaded anew."""
+    arrived = CONNECTED.of(event) or TAB_TAKEN_OVER.of(event)
+    return PAGE_VISIBLE.of(event) is not None or (arrived is not None and arrived.role == "participant")
 
 
 def broken_rules(rules: QualityRules, measured: Measured, stimuli: str = "readings") -> tuple[str, ...]:
@@ -124,7 +143,7 @@ def judged(
     frees: int = 0,
 ) -> TrialRow:
     """The row of a trial that has ended, with its verdict; one that never began is returned as it is."""
-    if row.started_utc is None or row.finished_utc is None:
+    if row.started_utc is None or row.finished_utc is None or time_of(row.started_utc) is None:
         return row
     measured = measure(
         events,

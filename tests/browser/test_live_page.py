@@ -128,9 +128,9 @@ def test_a_message_stays_on_the_participants_page_until_it_is_put_away(
     theirs.get_by_role("button", name="Dismiss this message").click()
     toast.wait_for(state="detached")
     part(page, "events").get_by_text("message dismissed").wait_for(timeout=WITHIN_MS)
-    assert [kind for kind, _ in events(quick_lab, participant, "message", "message_dismissed")] == [
+    assert [kind for kind, _ in events(quick_lab, participant, "message", "page.message_dismissed")] == [
         "message",
-        "message_dismissed",
+        "page.message_dismissed",
     ]
 
 

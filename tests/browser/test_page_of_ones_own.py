@@ -39,6 +39,7 @@ def test_it_is_shown_says_what_is_refused_and_leads_on(
     go_on = page.get_by_test_id("comfort-submit")
     go_on.click()
     page.get_by_text("Please choose a point of the scale.").wait_for(state="visible")
+    page.get_by_role("radio", name="3").check()
     page.get_by_role("radio", name="1").check()
     go_on.click()
     page.get_by_text("Please say what is hard, so that we can help.").wait_for(state="visible")
@@ -48,3 +49,5 @@ def test_it_is_shown_says_what_is_refused_and_leads_on(
     page.get_by_test_id("page-drive").wait_for(state="visible")
     ((_, said),) = read(lab, made["participant"], "step_comfort")
     assert said == {"text": "Seeing how far away things are."}
+    ((_, noted),) = read(lab, made["participant"], "page.own.changed")
+    assert noted == {"times": 1, "role": "participant"}

@@ -183,8 +183,8 @@ def test_the_way_back_opens_only_when_the_lab_holds_everything(page: Page, fake:
     page.goto(fake.participant_url)
     visible(page, "page-debrief")
     fake.acknowledges = False  # a disk that takes its time
-    page.evaluate("() => salab.socket.note('late')")
-    fake.wait_for(lambda message: message.get("name") == "late")
+    page.evaluate("() => salab.socket.note('message_dismissed')")
+    fake.wait_for(lambda message: message.get("name") == "message_dismissed")
     fake.show("done")
     visible(page, "still-saving")
     page.clock.run_for(20_000)

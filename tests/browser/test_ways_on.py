@@ -272,7 +272,7 @@ def test_whoever_cannot_open_it_goes_on_and_the_record_says_so(page: Page, two_d
     page.get_by_test_id("setup-submit").click()
     page.get_by_test_id("panel-later").click()
     visible(page, "page-instructions")
-    assert events(two_device_lab, made["participant"], "panel_later")
+    assert events(two_device_lab, made["participant"], "page.panel_later")
     assert events(two_device_lab, made["participant"], "step_setup")[0][1]["sound"] is False
 
 

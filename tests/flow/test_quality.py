@@ -38,9 +38,9 @@ def test_only_what_happened_in_the_trial_counts() -> None:
         at(5, "round_trip", ms=900.0),
         at(5, "focus_lost"),
         at(20, "focus_lost"),
-        at(21, "pad_unplugged"),
+        at(21, "page.pad_unplugged"),
         *[at(22 + number / 10, "round_trip", ms=float(number)) for number in range(1, 21)],
-        at(55, "pad_unplugged"),
+        at(55, "page.pad_unplugged"),
     )
     assert found == Measured(19.0, 0.0, 4, 1, 1, 1, lasted_s=40.0, frees=2)
 
@@ -68,13 +68,13 @@ def test_a_clock_that_was_set_makes_a_trial_suspect_whatever_the_rules_allow() -
 @pytest.mark.parametrize(
     ("events", "hidden_s"),
     [
-        ([at(20, "page_hidden"), at(23.5, "page_visible")], 3.5),
-        ([at(4, "page_hidden"), at(12, "page_visible")], 2.0),  # before the start
-        ([at(45, "page_hidden")], 5.0),  # never came back
-        ([at(45, "page_hidden"), at(58, "page_visible")], 5.0),
-        ([at(20, "page_hidden"), at(25, "connected")], 5.0),  # reloaded
-        ([at(20, "page_hidden"), at(21, "page_hidden"), at(22, "page_visible")], 2.0),
-        ([at(4, "page_hidden"), at(6, "page_visible")], 0.0),
+        ([at(20, "page.hidden"), at(23.5, "page.visible")], 3.5),
+        ([at(4, "page.hidden"), at(12, "page.visible")], 2.0),  # before the start
+        ([at(45, "page.hidden")], 5.0),  # never came back
+        ([at(45, "page.hidden"), at(58, "page.visible")], 5.0),
+        ([at(20, "page.hidden"), at(25, "connected")], 5.0),  # reloaded
+        ([at(20, "page.hidden"), at(21, "page.hidden"), at(22, "page.visible")], 2.0),
+        ([at(4, "page.hidden"), at(6, "page.visible")], 0.0),
     ],
 )
 def test_a_hidden_page_is_timed_within_the_trial(events: list[EventRow], hidden_s: float) -> None:
@@ -98,7 +98,7 @@ def test_a_rule_is_broken_by_more_than_its_bound_and_says_so() -> None:
 def test_a_trial_that_ended_gets_its_verdict_and_one_that_never_began_gets_none() -> None:
     ended = trial_row("P001", started_utc="2026-01-01T00:00:10Z", finished_utc="2026-01-01T00:00:50Z")
     assert judged(ended, (), 0, RULES).quality == "good"
-    suspect = judged(ended, (at(20, "pad_unplugged"),), 0, RULES)
+    suspect = judged(ended, (at(20, "page.pad_unplugged"),), 0, RULES)
     assert (suspect.quality, suspect.pad_losses) == ("suspect", 1)
     assert json.loads(suspect.quality_broken or "") == ["gamepad lost: 1 times, at most 0 allowed"]
     freed = judged(ended, (), 0, RULES, frees=2)

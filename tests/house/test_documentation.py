@@ -30,6 +30,7 @@ from app.wire import (
     MAX_MESSAGE_BYTES,
     AlertChoice,
     ClientMessage,
+    Note,
     ServerMessage,
     StimulusWords,
     Submit,
@@ -42,6 +43,7 @@ from study.definition.questionnaires import QuestionnaireFile, QuestionnaireItem
 from study.definition.study import Study
 from study.definition.toml_reader import model_problems
 from study.flow.flow import FLOW
+from study.flow.notes import NOTES
 from study.flow.protocol import TERMINAL
 from study.flow.steps import STEP_DATA
 from study.records import TABLES, codebook
@@ -223,6 +225,16 @@ def test_every_message_and_field_of_the_wire_is_in_the_reference() -> None:
         part = page.split(f"### `{inner.__name__}`\n")[1].split("\n##")[0]
         assert [row[0].strip("`") for row in rows_of(part)[1:]] == list(inner.model_fields)
         assert all(row[-1] for row in rows_of(part))
+
+
+def test_every_note_of_a_page_is_in_the_reference_with_who_may_say_it() -> None:
+    assert set(get_args(Note.model_fields["name"].annotation)) == set(NOTES)
+    page = reference.wire_protocol().split("## What a note holds\n")[1].split("\n## ")[0]
+    told = {row[0].strip("`"): row for row in rows_of(page)[1:]}
+    assert set(told) == set(NOTES)
+    for name, note in NOTES.items():
+        assert told[name][1] == ", ".join(note.roles)
+        assert all(field in told[name][2] for field in note.data.model_fields)
 
 
 def test_every_step_of_a_submit_is_in_the_reference_with_what_it_holds() -> None:

@@ -31,12 +31,23 @@ export interface Input {
   gripper?: "open" | "close" | null;
 }
 
-/** Something the page noticed, to be logged as an event: pad unplugged, view switched, page hidden. */
+/** Something the page noticed, to be logged as the event `page.NAME`: pad unplugged, view switched, page hidden. */
 export interface Note {
   type: "note";
   id: string;
-  name: string;
-  data?: Record<string, string | number | boolean | null>;
+  name:
+   
+    | "hidden"
+    | "visible"
+    | "pad_plugged"
+    | "pad_unplugged"
+    | "view_switched"
+    | "heartbeat_by_timer"
+    | "message_dismissed"
+    | "panel_later"
+    | "panel_heard"
+    | "in_step";
+  data?: Record<string, unknown>;
 }
 
 /** Answer to a ping, for the round-trip time. */

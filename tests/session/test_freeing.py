@@ -14,7 +14,7 @@ from app.trial.engine import TrialEngine
 from app.trial.setup import study_setup
 from app.trial.values import inputs_of
 from app.trial.world import open_study
-from app.wire import Note, Tick
+from app.wire import Tick
 from sim.kinematic import KinematicRobot
 from study.definition.study import plan_session
 from study.records import TickRow, TrialRow
@@ -126,7 +126,6 @@ async def test_a_worker_killed_in_the_second_attempt_is_replaced_and_the_record_
             await player.tick(FORWARD)
         await player.done("free_arm")
         await freed(player)
-        await player.send(Note(id="odd", name="free_arm"))  # a page may note what it likes: nobody has asked
         for _ in range(3):
             await player.tick(UP)
         os.kill(worker, signal.SIGKILL)

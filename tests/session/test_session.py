@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from app.simulated.bot import BotError
-from app.wire import Ack, Alert, AlertClosed, Error, Input, Message, Page, Ping, Status, Superseded, Tick
+from app.wire import Ack, Alert, AlertClosed, Error, Input, Message, Note, Page, Ping, Status, Superseded, Tick
+from study.flow.recorded import READ_BACK
 from study.records import AlertRow, TickRow
 from tests.support.dashboard_client import dashboard
 from tests.support.lab_server import LabServer
@@ -224,26 +226,31 @@ async def test_a_submission_that_is_sent_again_is_taken_once(quick_lab: LabServe
     assert len(given) == 2 * len(COMPREHENSION)
 
 
-async def test_a_note_cannot_pose_as_somebody_else(quick_lab: LabServer) -> None:
+@pytest.mark.parametrize(
+    "name", sorted({event.kind for event in READ_BACK} | {"abort", "own.step_setup", "page.hidden"})
+)
+async def test_a_note_cannot_pose_as_anything_else(quick_lab: LabServer, name: str) -> None:
     made = invite(quick_lab)
     async with visit(made["link"]) as player:
         await player.page("consent")
-        await player.send('{"type": "note", "id": "n1", "name": "abort", "data": {"role": "experimenter", "by": "me"}}')
-        await player.until(Ack)
-    with stored(quick_lab) as store:
-        (row,) = [row for row in store.rows_of("events", made["participant"]) if row.kind == "abort"]
-    assert row.source == "participant"
-    assert events(quick_lab, made["participant"], "abort") == [("abort", {"role": "participant", "by": "me"})]
-
-
-async def test_a_note_cannot_pose_as_what_the_lab_goes_by(quick_lab: LabServer) -> None:
-    made = invite(quick_lab)
-    async with visit(made["link"]) as player:
-        await player.page("consent")
-        await player.send('{"type": "note", "id": "n1", "name": "step_setup", "data": {"sound": "loud"}}')
+        data = {"role": "experimenter", "by": "me", "sound": "loud"}
+        await player.send(json.dumps({"type": "note", "id": "n1", "name": name, "data": data}))
         refused = await player.next()
         assert isinstance(refused, Error) and (refused.id, refused.field) == ("n1", "name")
-    assert events(quick_lab, made["participant"], "step_setup") == []
+    assert {kind for kind, _ in events(quick_lab, made["participant"])} <= {"connected", "disconnected"}
+
+
+async def test_a_note_stands_in_a_namespace_of_its_own(quick_lab: LabServer) -> None:
+    made = invite(quick_lab)
+    async with visit(made["link"]) as player:
+        await player.page("consent")
+        await player.send(Note(id="n1", name="pad_unplugged", data={"pad_id": "Pad"}))
+        await player.until(Ack)
+        await player.send(Note(id="n1", name="pad_unplugged", data={"pad_id": "Pad"}))  # resent
+        await player.until(Ack)
+    assert events(quick_lab, made["participant"], "page.pad_unplugged") == [
+        ("page.pad_unplugged", {"pad_id": "Pad", "role": "participant"})
+    ]
 
 
 # --- readings on the same page -----------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from tests.support.wire_client import Player, invite, visit
 
 HELLO = {"type": "hello", "protocol": PROTOCOL_VERSION, "client": "tab"}
 SUBMIT = {"type": "submit", "id": "a", "step": "consent", "data": {}}
-NOTE = {"type": "note", "id": "a", "name": "seen", "data": {}}
+NOTE = {"type": "note", "id": "a", "name": "hidden", "data": {}}
 INPUT = {"type": "input", "seq": 1, "client_ms": 0.0, "direction": [0, 0, 1]}
 
 
@@ -74,7 +74,11 @@ REFUSED: list[tuple[str, str | bytes, str, str | None]] = [
     ("id missing", '{"type": "submit", "step": "help"}', "invalid", "id"),
     ("unknown step", text(SUBMIT, step="win"), "invalid", "step"),
     ("data that is no object", text(SUBMIT, data=[1]), "invalid", "data"),
-    ("an object in a note", text(NOTE, data={"a": {}}), "invalid", "data.a"),
+    ("a name that is no note", text(NOTE, name="round_trip"), "invalid", "name"),
+    ("a note that holds more than it has", text(NOTE, data={"a": {}}), "invalid", "data.a"),
+    ("a note that lacks what it has", text(NOTE, name="view_switched"), "invalid", "data.view"),
+    ("a note of another page", text(NOTE, name="panel_heard", data={"heard": True}), "illegal", "name"),
+    ("a note of a page that is not there", text(NOTE, name="own.mine"), "invalid", "name"),
     ("a second hello", text(HELLO), "protocol", "type"),
     ("a view that is not there", '{"type": "view", "name": "moon"}', "invalid", "name"),
 ]

@@ -25,6 +25,10 @@ export function view({ socket }, page) {
       h("span", { class: "anchor high" }, high),
     ),
   );
+  let choices = 0;
+  scale.addEventListener("change", () => {
+    choices += 1;
+  });
   const hardId = freshId("hard");
   const hard = h("textarea", { id: hardId, rows: "3", data: { testid: "comfort-hard" } });
   const problem = h("span", {});
@@ -47,6 +51,7 @@ export function view({ socket }, page) {
     error.hidden = true;
     const chosen = radios.find((radio) => radio.checked);
     if (!chosen) return say("Please choose a point of the scale.");
+    if (choices > 1) socket.note("own.changed", { times: Math.min(choices - 1, 1000) });
     const data = { sure: Number(chosen.value), hard: hard.value };
     whileBusy(go, "Saving", () => socket.submit("comfort", data).catch(() => {}));
   });

@@ -49,6 +49,13 @@ class ComfortData(StepData):
     """What is still hard, in free words. They may identify somebody: no export has them."""
 
 
+class Changed(StepData):
+    """The person took another point of the scale than at first."""
+
+    times: Annotated[int, Field(ge=1, le=1000)]
+    """How often."""
+
+
 def content(session: Session, context: PageContext) -> Content:
     """What the view is given: plain values, which go over the wire as JSON."""
     return {
@@ -79,6 +86,7 @@ PAGE = FlowPage(
     leads_on="comfort_done",
     content=content,
     steps={"comfort": Step(ComfortData, follow)},
+    notes={"changed": Changed},
     scripted=scripted,
     per_trial=True,
     view=Path(__file__).with_name("comfort.js"),
