@@ -69,8 +69,8 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@$(CHECK_JS)
 	@echo "== pytest: what needs no browser, on all cores"
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
-	@echo "== pytest: what drives a browser, one at a time"
-	@$(PY) -m pytest -m browser
+	@echo "== pytest: what drives a browser, file by file, two at a time"
+	@$(PY) -m pytest --numprocesses 2 --dist loadfile -m browser
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
