@@ -70,7 +70,7 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@echo "== pytest: what needs no browser, on all cores"
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
 	@echo "== pytest: what drives a browser, file by file, two at a time"
-	@$(PY) -m pytest --numprocesses 2 --dist loadfile -m browser
+	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m browser
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
