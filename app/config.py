@@ -12,6 +12,7 @@ from typing import Literal
 from urllib.parse import urlsplit
 
 from app.errors import LabError
+from app.monitoring.log_lines import LogFormat
 
 Pace = Literal["real_time", "lockstep"]
 """`real_time`: a tick every half a second. `lockstep`: one whenever its input arrives."""
@@ -74,6 +75,8 @@ class LabConfig:
     """How new participants are paced unless the API says otherwise."""
     scene: bool = True
     """Whether real-time sessions have a 3-D scene."""
+    log_format: LogFormat = "text"
+    """What the lines of the log on standard error are: `text`, or an object of `json` each."""
     heartbeat_ms: int = 100
     """How often a page says that it is there."""
     max_sockets_per_session: int = 8

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 from urllib.parse import urlsplit
@@ -17,6 +18,7 @@ from app.commands.groups import RUN_A_STUDY
 from app.commands.options import choice, file, flow_of, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
 from app.errors import LabError
+from app.monitoring.log_lines import LogFormat
 from app.trial.robots import ROBOTS
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ DEFAULTS = LabConfig()
 READY_LINE = "SALAB_READY_LINE"
 """Whoever starts the lab from a program sets this variable and waits for the line that begins with READY."""
 STARTED_EVERY_S = 0.02
+BACKLOG = 128
+"""So many connections wait to be taken."""
 
 commands = typer.Typer()
 
@@ -48,6 +52,9 @@ def serve(
     robot: Annotated[str, registered(ROBOTS, "which robot moves")] = DEFAULTS.robot,
     pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
+    log_format: Annotated[
+        LogFormat, choice(get_args(LogFormat), "how the log on standard error is written, one line an event")
+    ] = DEFAULTS.log_format,
 ) -> None:
     """Run the lab.
 
@@ -56,6 +63,7 @@ def serve(
     import asyncio
 
     from app.lab.lab import Lab
+    from app.monitoring.log_setup import end_with_whole_log, set_up_logging
 
     config = LabConfig(
         data_dir=data,
@@ -67,8 +75,10 @@ def serve(
         robot=robot,
         pace=pace,
         scene=not no_scene,
+        log_format=log_format,
     )
-    with listen(config.host, config.port) as listener:
+    with listen(config.host, config.port) as listener, closing(set_up_logging(log_format)) as lines:
+        end_with_whole_log(lines)
         lab = Lab(config, os.environ.get("SALAB_EXPERIMENTER_TOKEN"), flow=flow_of(context))
         lab.prepare()
         if not lab.base_url:
@@ -82,13 +92,16 @@ async def _run_server(lab: Lab, listener: socket.socket) -> None:
 
     import uvicorn
 
+    from app.monitoring.log_setup import log_errors_of
     from app.web.server import create_app
     from app.wire import MAX_MESSAGE_BYTES
 
+    log_errors_of(asyncio.get_running_loop())
     config = uvicorn.Config(
         create_app(lab),
-        log_level="warning",
+        log_config=None,  # ours, which fold
         access_log=False,  # links carry tokens
+        backlog=BACKLOG,  # at the limit of open files asyncio complains once for each that it could have taken
         ws="websockets-sansio",
         ws_max_size=16 * MAX_MESSAGE_BYTES,  # larger than we take, so that too large is answered and not cut off
         ws_per_message_deflate=False,
@@ -140,7 +153,7 @@ def listen(host: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
-        listener.listen(128)
+        listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
         reason = error.strerror or str(error)

@@ -446,6 +446,7 @@ class Lab:
             heartbeat_timeout_s=setup.study.heartbeat_timeout_s,
             view=setup.study.view,
             clock_offset_s=clock_offset_s,
+            log_format=self.config.log_format,
         )
 
     def _start_worker(

@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from app.monitoring.log_lines import about
 from app.session import pages
 from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
 from app.session.connections import Connections, panel_page, refuse
@@ -280,7 +281,8 @@ class LiveSession:
             if not work.done.done():
                 work.done.set_exception(error)
             return
-        log.error("session %s: %s failed", self.enrolment.participant, work.kind, exc_info=error)
+        fields = about(participant=self.enrolment.participant, work=work.kind)
+        log.error("a piece of a session's work failed", exc_info=error, extra=fields)
         if work.client is not None:
             text = "the lab could not deal with this; nothing was lost, please try again"
             refuse(work.client, "internal", None, text, getattr(work.payload, "id", None))

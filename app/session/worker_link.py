@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
+from app.monitoring.log_lines import about
 from app.session.interfaces import LabServices, WorkerHandle
 from app.trial.values import TrialSetup
 from app.worker.messages import Asking, PartFailed, WorkerCommand, WorkerReport
@@ -126,6 +127,6 @@ class WorkerLink:
         page_is_there = now_s - self._page_heard_s <= HUNG_AFTER_S / 2
         silent_s = now_s - max(self._reported_s, self._page_heard_since_s)
         if page_is_there and silent_s > HUNG_AFTER_S and self._handle is not None:
-            log.error("session %s: the worker hangs and is ended", self._participant)
+            log.error("the worker hangs and is ended", extra=about(participant=self._participant))
             self._reported_s = now_s
             self._handle.kill()

@@ -19,6 +19,7 @@ from starlette.types import Scope
 
 from app.errors import LabError
 from app.lab.lab import Lab, NoSuchParticipant, StudyUnreadable
+from app.monitoring.log_lines import about
 from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.web import participant_socket as sockets
@@ -262,7 +263,7 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
         except NoSuchParticipant:  # erased in this moment
             pass
         except StudyUnreadable as error:
-            log.error("a participant's page was turned away: %s", error)
+            log.error("a participant's page was turned away", extra=about(reason=str(error)))
         await websocket.close(1008)
         return None
 

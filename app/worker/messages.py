@@ -12,6 +12,7 @@ from typing import Literal
 
 from app.autonomy.interface import Explanation
 from app.config import Pace
+from app.monitoring.log_lines import LogFormat
 from app.trial.values import CycleStart, TickResult, TrialSetup, TrialView, UserInput
 from sim.interface import GripperState, Vector3
 from study.definition.sections import ViewSettings
@@ -37,6 +38,8 @@ class WorkerSpec:
     """What the scene shows of depth."""
     clock_offset_s: float = 0.0
     """What makes the session's time of the monotonic clock, which all processes of this machine share."""
+    log_format: LogFormat = "text"
+    """What the lines of the process's log are."""
 
 
 # ---- lab → worker -----------------------------------------------------------------------------------------------

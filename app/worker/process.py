@@ -8,6 +8,7 @@ else: commands go out on a thread of their own, and the session ends a worker th
 from __future__ import annotations
 
 import asyncio
+import logging
 import multiprocessing
 import os
 import threading
@@ -19,9 +20,13 @@ from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
 from app.errors import LabError
+from app.monitoring.log_lines import about
+from app.monitoring.log_setup import set_up_logging
 from app.trial.robots import ROBOTS, make_robot
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from study.parts.errors import PartError
+
+log = logging.getLogger(__name__)
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
@@ -71,7 +76,12 @@ def _try_robot(robot: str, connection: Connection) -> None:
 def _entry(connection: Connection, spec: WorkerSpec) -> None:
     from app.worker.worker import run
 
-    run(connection, spec)
+    set_up_logging(spec.log_format)
+    try:
+        run(connection, spec)
+    except Exception:
+        log.exception("a worker ends because of an error", extra=about(participant=spec.setup.participant))
+        raise SystemExit(1) from None
 
 
 class _Outgoing:

@@ -26,6 +26,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
+from app.monitoring.log_lines import about
 from app.trial.engine import TrialEngine
 from app.trial.reasoning import PartFault
 from app.trial.robots import make_robot, make_scene, make_spectator_view
@@ -90,7 +91,8 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
         except (EOFError, BrokenPipeError, ConnectionResetError):
             pass  # the lab is gone: nothing is left to serve
         except PartFault as fault:
-            log.warning("%s: %s", spec.setup.participant, fault, exc_info=fault.__cause__)
+            fields = about(participant=spec.setup.participant, part=fault.part)
+            log.warning("a part of the study cannot be used", exc_info=fault, extra=fields)
             with suppress(OSError):
                 connection.send(PartFailed(fault.part, fault.reason))
         except Exception as error:
@@ -255,7 +257,8 @@ class Worker:
         try:
             changed = self._spectator_view.tend(self._engine)
         except Exception:
-            log.exception("the experimenters' view of %s failed and is given up", self._spec.setup.participant)
+            fields = about(participant=self._spec.setup.participant)
+            log.exception("the experimenters' view failed and is given up", extra=fields)
             self._spectator_view, changed = None, (None,)
         if changed is not None:
             self._connection.send(SpectatorPort(*changed))

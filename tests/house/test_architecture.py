@@ -34,6 +34,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.worker", "app.simulated"),
     ("app.trial",),
     ("app.wire", "app.config", "app.clock"),
+    ("app.monitoring",),
     ("app.texts",),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed

@@ -194,7 +194,7 @@ def still_serves(lab: LabServer, refused: str) -> None:
 def turned_away_because(ended: LabServer) -> str:
     """The one line of its log about a page that was refused."""
     (line,) = [line for line in ended.log().splitlines() if "turned away" in line]
-    return line.partition("turned away: ")[2]
+    return line.partition('reason="')[2].removesuffix('"')
 
 
 async def turned_away(link: str) -> bool:

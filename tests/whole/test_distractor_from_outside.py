@@ -160,4 +160,4 @@ async def test_who_took_part_with_it_is_told_in_one_line_when_it_is_gone(
     again.close()  # and all that it said is in its log
     (said,) = [line for line in again.log().splitlines() if "turned away" in line]
     assert "P001 cannot go on: distractor 'sums' was outside-distractors 1.0, source " in said
-    assert said.endswith("when the study was made; it is not installed. Install that version to go on")
+    assert said.endswith('when the study was made; it is not installed. Install that version to go on"')
