@@ -46,7 +46,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench docs clean FORCE
+.PHONY: help run test test-fast check check-js bench faults docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -87,6 +87,9 @@ check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, ty
 
 bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, pictures, simulated studies and analysis
 	@$(PY) -m tests.bench
+
+faults: $(VENV)/.installed-test ## kill, starve, fill, lock, cut and flood labs; what people saw, for how long, what was kept
+	@$(PY) -m tests.faults $(FAULTS)
 
 docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
