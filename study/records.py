@@ -339,6 +339,29 @@ class EventRow:
     )
 
 
+@dataclass(frozen=True)
+class ChainRow:
+    """One link of a participant's chain: a hash over what was written, and over the link before."""
+
+    participant: str = column("Participant id")
+    seq: int = column("Number of the link, from 1", least=1)
+    row_table: str = column(
+        "Table that was written into. sessions, cycles, submissions, identities and tokens are the lab's own, in no "
+        "export; begun = what was there when the chain began is linked after this"
+    )
+    row_key: str | None = column(
+        "Which row, by its key without the participant, joined by '_'; blank = the next of a table in order of "
+        "arrival. The last link of a key tells of the row as it is now, those before of what it was"
+    )
+    content: str | None = column(
+        "SHA-256 of what was written (see docs/topics/integrity.md); blank = the row was removed"
+    )
+    marks: str | None = column(
+        "Two hex digits for each column of the row: which was changed; blank for the lab's own tables"
+    )
+    hash: str = column("SHA-256 over the hash of the link before and the other columns of this one")
+
+
 TABLES: dict[str, type] = {
     "participants": ParticipantRow,
     "trials": TrialRow,
@@ -348,6 +371,7 @@ TABLES: dict[str, type] = {
     "alerts": AlertRow,
     "survey_answers": SurveyAnswerRow,
     "events": EventRow,
+    "chain": ChainRow,
 }
 """Exported tables in the order they are written."""
 DESCRIPTIONS: Mapping[str, str] = {
@@ -360,6 +384,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "alerts": "One row per stimulus of the second task: a sensor reading, unless the study names another kind",
     "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
     "events": "Anything else that happened, in order",
+    "chain": "One row per row that was ever written: hashes by which `salab verify` finds what was changed since",
 }
 KEYS: Mapping[str, tuple[str, ...]] = {
     "participants": ("participant",),
@@ -368,6 +393,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "ticks": ("participant", "trial", "tick"),
     "practice_ticks": ("participant", "trial", "tick"),
     "alerts": ("participant", "trial", "alert"),
+    "chain": ("participant", "seq"),
 }
 """What makes a row unique, and the order of rows within a participant. Other tables keep the order of arrival."""
 REFERENCES: Mapping[str, str] = {
@@ -378,6 +404,7 @@ REFERENCES: Mapping[str, str] = {
     "alerts": "trials",
     "survey_answers": "participants",
     "events": "participants",
+    "chain": "participants",
 }
 """The table that a row belongs to, by that table's key. Practice comes before its trial has a row."""
 

@@ -35,6 +35,7 @@ from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
 from study.export.export import write_tables
 from study.flow.flow import FLOW, Flow
+from study.integrity.chain import chained
 from study.records import SCHEMA_VERSION, TABLES
 from study.store import machine_fingerprint
 
@@ -200,6 +201,8 @@ class _Parts:
     def make(self, index: int) -> None:
         """Simulate that participant and put the rows away, all or nothing."""
         record = self.plan.run(index)
+        (participant,) = record["participants"]
+        record["chain"] = chained(participant.participant, record)
         place = self._place(index)
         unfinished = place.with_suffix(f".{os.getpid()}")
         unfinished.mkdir()

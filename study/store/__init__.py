@@ -9,6 +9,8 @@ The rest of the project uses the names below and nothing further in. Where to lo
     migration     versions of the file, and how an older one becomes this one
     tables        what stands in the file
     rows          a recorded row as SQLite takes it
+    ledger        what a transaction wrote, and the links of the chain made of it
+    verification  whether a data folder holds what was recorded
     participants  who takes part: order, session, tokens, identities, the cell given out again
     progress      what a session has reached: its state, answered messages, starts of cycles
     snapshot      what was recorded, as of one moment
@@ -21,6 +23,7 @@ from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
 from study.store.values import Batch, ConsentGiven, Cycle, Identity, StoredSession, StoreError, Submission
+from study.store.verification import verify_data
 
 __all__ = [
     "AsyncStore",
@@ -35,4 +38,5 @@ __all__ = [
     "Submission",
     "machine_fingerprint",
     "open_store",
+    "verify_data",
 ]

@@ -18,7 +18,7 @@ from typing import IO, Any
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
-from study.store import migration
+from study.store import ledger, migration
 from study.store.fingerprint import machine_fingerprint
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
@@ -87,7 +87,9 @@ class Database:
     def write(self) -> Iterator[sql.Connection]:
         """A transaction that is on disk when the `with` ends, or leaves nothing when it raises."""
         with self._told(), self._writing.begin() as connection:
+            ledger.open_ledger(connection)
             yield connection
+            ledger.close_ledger(connection)
 
     @contextmanager
     def read(self) -> Iterator[sql.Connection]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import time
 from collections.abc import Collection, Mapping
 from contextlib import closing
 from pathlib import Path
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING
 
 import sqlalchemy as sql
 
-from study.records import SCHEMA_VERSION
+from study.records import SCHEMA_VERSION, utc_text
+from study.store import ledger
 from study.store.tables import META, VERSION
 from study.store.values import StoreError
 
@@ -25,8 +27,10 @@ if TYPE_CHECKING:
 
 FIRST = "0001"
 """The schema as it was when migrations began."""
-HEAD = "0005"
+HEAD = "0006"
 """The schema of `tables`: the last revision there is."""
+CHAINED_SINCE = "0006"
+"""The first schema with a chain; data of before get theirs when they are brought up, of the rows as they are then."""
 REVISIONS = Path(__file__).with_name("revisions")
 _FIRST_META = {"schema_version": "1", "store_version": "3"}
 """What files say that were written before there were migrations."""
@@ -108,6 +112,8 @@ def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
             "nothing was changed"
         ) from error
     _keep_numbers(connection, path, numbers)
+    if revision < CHAINED_SINCE:
+        ledger.begin(connection, revision, utc_text(time.time()))
     mark(connection)
 
 

@@ -13,7 +13,8 @@ from study.flow.open_link import IDENTITY_PREFIX, ids_among
 from study.flow.protocol import FREES_CELL, to_json
 from study.flow.roster import EnrolmentKind
 from study.records import SCHEMA_VERSION, ParticipantRow
-from study.store.rows import add, clean_text, insert
+from study.store import ledger
+from study.store.rows import add, clean_text, insert, update
 from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
 from study.store.values import StoredSession
 
@@ -58,11 +59,8 @@ def enrol(
     number = inserted.lastrowid
     participant = f"{ID_LETTER[kind]}{number:03d}"
     session = flow.new_session(participant, len(chosen), flow.skips(study))
-    connection.execute(
-        SESSIONS.update()
-        .where(SESSIONS.c.number == number)
-        .values(participant=participant, session=to_json(session), state=session.state)
-    )
+    connection.execute(SESSIONS.update().where(SESSIONS.c.number == number).values(participant=participant))
+    update(connection, "sessions", participant, {"session": to_json(session), "state": session.state})
     row = ParticipantRow(
         participant=participant,
         seed=seed,
@@ -104,8 +102,8 @@ def cells_held(connection: sql.Connection) -> int:
 
 def free_cell(connection: sql.Connection, participant: str) -> bool:
     """Give a participant's cell out again; False when somebody else did it first or there is no such participant."""
-    here = (SESSIONS.c.participant == participant, SESSIONS.c.rejected == 0)
-    return connection.execute(SESSIONS.update().where(*here).values(rejected=1)).rowcount == 1
+    query = sql.select(SESSIONS.c.rejected).where(SESSIONS.c.participant == participant)
+    return connection.execute(query).scalar() == 0 and update(connection, "sessions", participant, {"rejected": 1})
 
 
 def stored_sessions(
@@ -141,7 +139,10 @@ def add_token(connection: sql.Connection, participant: str, role: str, sha256: s
 
 def drop_tokens(connection: sql.Connection, participant: str, role: str) -> None:
     """The links of a participant to one of their pages open nothing any more."""
-    connection.execute(TOKENS.delete().where(TOKENS.c.participant == participant, TOKENS.c.role == role))
+    here = (TOKENS.c.participant == participant, TOKENS.c.role == role)
+    for row in connection.execute(sql.select(TOKENS).where(*here)).mappings().all():
+        ledger.note_removed(connection, "tokens", dict(row))
+    connection.execute(TOKENS.delete().where(*here))
 
 
 def holder_of_token(connection: sql.Connection, sha256: str) -> tuple[str, str] | None:

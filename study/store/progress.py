@@ -10,8 +10,9 @@ import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.flow.protocol import Session, to_json
-from study.store.rows import insert
-from study.store.tables import CYCLES, RECORDS, SESSIONS, SUBMISSIONS
+from study.store import ledger
+from study.store.rows import insert, update
+from study.store.tables import CYCLES, RECORDS, SUBMISSIONS
 from study.store.values import ConsentGiven, Cycle, StoreError
 
 
@@ -19,12 +20,7 @@ def save_session(
     connection: sql.Connection, session: Session, consent: ConsentGiven | None, finished_utc: str | None
 ) -> None:
     """The session as it is now, and its state in the recorded row."""
-    saved = connection.execute(
-        SESSIONS.update()
-        .where(SESSIONS.c.participant == session.participant)
-        .values(session=to_json(session), state=session.state)
-    )
-    if saved.rowcount != 1:
+    if not update(connection, "sessions", session.participant, {"session": to_json(session), "state": session.state}):
         raise StoreError(f"no participant {session.participant!r}")
     values: dict[str, Any] = {"state": session.state}
     if session.state == "screened_out":
@@ -33,8 +29,7 @@ def save_session(
         values["consent_utc"], values["consent_hash"] = consent.utc, consent.sha256
     if finished_utc is not None:
         values["finished_utc"] = finished_utc
-    table = RECORDS["participants"]
-    connection.execute(table.update().where(table.c.participant == session.participant).values(values))
+    update(connection, "participants", session.participant, values)
 
 
 def save_response(connection: sql.Connection, participant: str, message_id: str, response: Mapping[str, Any]) -> None:
@@ -57,6 +52,7 @@ def save_cycle(connection: sql.Connection, cycle: Cycle) -> None:
     values = {**vars(cycle), "practice": int(cycle.practice)}
     replaced = insert_or_update(CYCLES).values(values)
     connection.execute(replaced.on_conflict_do_update(set_={"start": cycle.start}))
+    ledger.note(connection, "cycles", values)
 
 
 def last_cycle(connection: sql.Connection, participant: str, trial: int, *, practice: bool) -> Cycle | None:

@@ -1,4 +1,7 @@
-"""Rows on their way in: a recorded row as SQLite takes it, added once or replacing the one of its key."""
+"""Rows on their way in: a recorded row as SQLite takes it, added once or replacing the one of its key.
+
+Each is noted in the transaction's ledger, from which its link in the chain is made (`study.store.ledger`).
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ from typing import Any
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
+from study.integrity.content import CHAINED
 from study.records import KEYS, TABLES, columns
-from study.store.tables import RECORDS
+from study.store import ledger
+from study.store.tables import CHAINED_TABLES, RECORDS
 from study.store.values import StoreError
 
 
@@ -27,6 +32,18 @@ _CASTS: Mapping[str, tuple[tuple[str, Callable[[Any], Any]], ...]] = {
 def insert(connection: sql.Connection, table: sql.Table, **values: object) -> None:
     """One row of a table of the lab's own."""
     connection.execute(table.insert().values(values))
+    if table.name in CHAINED:
+        ledger.note(connection, table.name, values)
+
+
+def update(connection: sql.Connection, name: str, participant: str, values: Mapping[str, Any]) -> bool:
+    """Change a participant's only row of a table; False when there is none."""
+    table = CHAINED_TABLES[name]
+    here = table.c.participant == participant
+    if connection.execute(table.update().where(here).values(values)).rowcount != 1:
+        return False
+    ledger.note(connection, name, dict(connection.execute(sql.select(table).where(here)).mappings().one()))
+    return True
 
 
 def add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
@@ -34,12 +51,16 @@ def add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     values = [_values(table, row) for row in rows]
     if values:
         connection.execute(RECORDS[table].insert(), values)
+    for one in values:
+        ledger.note(connection, table, one)
 
 
 def put(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     """As `add`, but a row takes the place of an earlier one with its key."""
     for row in rows:
-        statement = insert_or_update(RECORDS[table]).values(_values(table, row))
+        values = _values(table, row)
+        ledger.note(connection, table, values)
+        statement = insert_or_update(RECORDS[table]).values(values)
         changed = {name: statement.excluded[name] for name, _ in _CASTS[table] if name not in KEYS[table]}
         connection.execute(statement.on_conflict_do_update(index_elements=list(KEYS[table]), set_=changed))
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import sqlalchemy as sql
 
+from study.integrity.content import CHAINED
 from study.records import KEYS, TABLES, columns
 
 METADATA = sql.MetaData()
@@ -91,6 +92,7 @@ ERASURES = sql.Table(
     METADATA,
     sql.Column("participant", sql.Text, primary_key=True),
     sql.Column("utc", sql.Text, nullable=False),
+    sql.Column("hash", sql.Text, nullable=False),
 )
 
 
@@ -103,8 +105,12 @@ def _record_table(name: str) -> sql.Table:
         else:
             kind = _SQL_TYPES[info.type]
             made.append(sql.Column(info.name, kind, primary_key=info.name in keys, nullable=info.optional))
+    if name == "chain":
+        made.append(sql.Column("salt", sql.Text, nullable=False))  # of rows that no export holds; no export holds it
     return sql.Table(name, METADATA, *made)
 
 
 RECORDS: Mapping[str, sql.Table] = {name: _record_table(name) for name in TABLES}
 """The recorded tables by their name in `records.TABLES`."""
+CHAINED_TABLES: Mapping[str, sql.Table] = {name: METADATA.tables[name] for name in CHAINED}
+"""The tables whose rows the chain tells of."""

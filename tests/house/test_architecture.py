@@ -44,6 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.flow",),
     ("study.definition",),
     ("study.parts", "study.language"),
+    ("study.integrity",),
     ("study.records",),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
@@ -83,7 +84,16 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
 """Outside library to the rooms or modules that may import it."""
 
 PURE = (
-    *("app.autonomy", "app.wire", "app.errors", "study.records", "study.parts", "study.definition", "study.flow"),
+    *(
+        "app.autonomy",
+        "app.wire",
+        "app.errors",
+        "study.records",
+        "study.integrity",
+        "study.parts",
+        "study.definition",
+        "study.flow",
+    ),
     *("study.language.words",),
     *("study.analysis.measures", "study.analysis.summaries", "study.analysis.observations"),
     *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.views"),

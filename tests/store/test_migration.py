@@ -156,7 +156,7 @@ def test_recorded_data_export_as_they_did(schema: str, robot: str, tmp_path: Pat
     with open_store(recorded_data(robot, tmp_path, schema), must_exist=True) as store:
         export(store, tmp_path / "now", include_pilot=True)
     then = recorded_export(robot, tmp_path, schema)
-    for table in TABLES:
+    for table in (table for table in TABLES if (then / f"{table}.csv").exists()):
         name = f"{table}.csv"
         with (then / name).open(newline="") as old, (tmp_path / "now" / name).open(newline="") as new:
             for was, has in zip(csv.DictReader(old), csv.DictReader(new), strict=True):

@@ -260,7 +260,9 @@ def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
             Batch(ticks=(tick_row(who),), answers=(answer_row(who, "comments", secret),) if who == gone else ())
         )
     assert store.erase(gone, UTC)
-    assert [row.participant for table in TABLES for row in store.rows(table)] == [stays, stays]
+    found = [(table, row.participant) for table in TABLES for row in store.rows(table)]
+    assert {who for _, who in found} == {stays}
+    assert [table for table, _ in found if table != "chain"] == ["participants", "ticks"]
     assert store.participant_for_token("a" * 64) is None
     with store.snapshot() as recorded:
         assert recorded.erasures() == ((gone, UTC),)

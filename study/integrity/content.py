@@ -1,0 +1,101 @@
+"""What stands in a row, as a hash that the database, the CSV and the Parquet of an export all lead to.
+
+    content = SHA-256 of JSON ["ticks", {"action_x": 1, "belief": "{...}", ...}]
+
+The object holds the row's columns in the order of their names, without those that are blank or have their default: a
+column that comes later, with a default, changes no content of before. JSON is ASCII, without spaces, floats in Python's
+shortest form.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from study.records import KEYS, TABLES, columns
+
+OWN_KEYS: Mapping[str, tuple[str, ...] | None] = {
+    "sessions": (),
+    "cycles": ("trial", "practice", "cycle"),
+    "submissions": ("message_id",),
+    "tokens": ("sha256",),
+    "identities": None,
+}
+"""The lab's own tables that are chained too: what tells a participant's rows apart; None = their order of arrival."""
+_ROW_TABLES = tuple(name for name in TABLES if name != "chain")
+CHAINED = (*_ROW_TABLES, *OWN_KEYS)
+"""Every table whose rows are chained; the chain does not hold itself."""
+_KEY_CHARACTERS = 12
+"""Of a token's hash, which the chain need not spell out."""
+_NUMBER = "id"
+"""What SQLite numbers rows by that have no key."""
+_encode = json.JSONEncoder(separators=(",", ":")).encode
+
+
+def _defaults(table: str) -> dict[str, Any]:
+    found = {item.name: item.default for item in dataclasses.fields(TABLES[table])}
+    return {name: None if value is dataclasses.MISSING else value for name, value in found.items()}
+
+
+def _plain(value: Any) -> Any:
+    """As SQLite keeps it: no minus before zero, nothing for what is no number."""
+    if isinstance(value, float):
+        return None if value != value else value + 0.0
+    return value
+
+
+def _text(value: Any) -> Any:
+    """As an export writes what is no one's words: line ends as `\\n`, and nothing for a text of nothing."""
+    return value.replace("\r\n", "\n").replace("\r", "\n") or None if isinstance(value, str) else value
+
+
+_COLUMNS: Mapping[str, tuple[tuple[str, Callable[[Any], Any], Any], ...]] = {
+    table: tuple(
+        (info.name, _text if info.type == "str" and not info.words else _plain, _defaults(table)[info.name])
+        for info in columns(table)
+    )
+    for table in _ROW_TABLES
+}
+
+
+def content_of(table: str, values: Mapping[str, Any], salt: str = "") -> str:
+    """The hash of a row, in hex. `salt` goes before it where the hash is published and the row is not."""
+    if table in _COLUMNS:
+        found = ((name, read(values.get(name)), default) for name, read, default in _COLUMNS[table])
+        kept = {name: value for name, value, default in found if value is not None and value != default}
+    else:
+        kept = {name: value for name, value in values.items() if value is not None and name != _NUMBER}
+    text = _encode([table, dict(sorted(kept.items()))])
+    return hashlib.sha256(f"{salt}{text}".encode()).hexdigest()
+
+
+def marks_of(table: str, values: Mapping[str, Any]) -> str:
+    """Two hex digits for each column, by which one that changed is found; "" for the lab's own tables."""
+    found = (str(read(values.get(name))) for name, read, _ in _COLUMNS.get(table, ()))
+    return "".join(f"{zlib.crc32(text.encode()) & 0xFF:02x}" for text in found)
+
+
+def changed_columns(table: str, values: Mapping[str, Any], marks: str) -> list[str]:
+    """The columns whose marks are others; none when that cannot be told."""
+    now = marks_of(table, values)
+    names = [name for name, _, _ in _COLUMNS.get(table, ())]
+    pairs = range(0, min(len(now), len(marks)), 2)
+    return [names[place // 2] for place in pairs if now[place : place + 2] != marks[place : place + 2]]
+
+
+def keys_of(table: str) -> tuple[str, ...] | None:
+    """The columns that tell a participant's rows of a table apart; None when only their order does."""
+    if table in OWN_KEYS:
+        return OWN_KEYS[table]
+    return KEYS[table][1:] if table in KEYS else None
+
+
+def key_of(table: str, values: Mapping[str, Any]) -> str:
+    """Which row of the participant this is, as a link names it."""
+    if table == "tokens":
+        return str(values["sha256"])[:_KEY_CHARACTERS]
+    return "_".join(str(values[name]) for name in keys_of(table) or ())

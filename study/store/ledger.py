@@ -1,0 +1,81 @@
+"""What a transaction wrote, and the links of the chain that are made of it before it ends.
+
+`rows` notes each row here; `Database.write` has the links made as the last thing of the transaction, so that a row and
+its link are on disk together or not at all.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import sqlalchemy as sql
+
+from study.integrity.chain import BEGUN, Entry, Head, entry, extended
+from study.integrity.content import CHAINED, OWN_KEYS, key_of, keys_of
+from study.store.tables import CHAINED_TABLES, RECORDS, SESSIONS
+
+_INFO = "chain"
+"""Where the entries wait, on the connection."""
+_SALT_BYTES = 16
+
+
+def open_ledger(connection: sql.Connection) -> None:
+    """Nothing was written yet."""
+    connection.info[_INFO] = defaultdict(list)
+
+
+def note(connection: sql.Connection, table: str, values: Mapping[str, Any]) -> None:
+    """A row was written, whose columns have these values."""
+    connection.info[_INFO][values["participant"]].append(_entry(table, values))
+
+
+def note_removed(connection: sql.Connection, table: str, values: Mapping[str, Any]) -> None:
+    """A row was removed that had these values."""
+    connection.info[_INFO][values["participant"]].append(Entry(table, key_of(table, values), ""))
+
+
+def close_ledger(connection: sql.Connection) -> None:
+    """Link what was written."""
+    for participant, entries in connection.info.pop(_INFO).items():
+        _link(connection, participant, entries)
+
+
+def head_of(connection: sql.Connection, participant: str) -> Head:
+    """The end of a participant's chain."""
+    chain = RECORDS["chain"].c
+    query = sql.select(chain.seq, chain.hash).where(chain.participant == participant).order_by(chain.seq.desc())
+    row = connection.execute(query.limit(1)).first()
+    return Head(row.seq, row.hash) if row else Head()
+
+
+def begin(connection: sql.Connection, revision: str, utc: str) -> None:
+    """Begin the chain of everybody who was there before there was one, with their rows as they are."""
+    for participant in (
+        connection.execute(sql.select(SESSIONS.c.participant).order_by(SESSIONS.c.number)).scalars().all()
+    ):
+        rows = ((table, values) for table in CHAINED for values in rows_of(connection, table, participant))
+        begun = Entry(BEGUN, f"{utc}, schema {revision}", "")
+        _link(connection, participant, [begun, *(_entry(table, values) for table, values in rows)])
+
+
+def rows_of(connection: sql.Connection, table: str, participant: str) -> Iterator[Mapping[str, Any]]:
+    """A participant's rows of a chained table as they stand in the file, in order of arrival or of their key."""
+    source = CHAINED_TABLES[table]
+    order = [source.c[name] for name in keys_of(table) or ()] or list(source.primary_key.columns)
+    query = sql.select(source).where(source.c.participant == participant).order_by(*order)
+    yield from map(dict, connection.execute(query).mappings())
+
+
+def _entry(table: str, values: Mapping[str, Any]) -> Entry:
+    """Of a row of the lab's own, which is in no export, the content is salted: its hash is in them."""
+    return entry(table, values, secrets.token_hex(_SALT_BYTES) if table in OWN_KEYS else "")
+
+
+def _link(connection: sql.Connection, participant: str, entries: Iterable[Entry]) -> None:
+    noted = list(entries)
+    links = extended(head_of(connection, participant), participant, noted)
+    rows = [{**vars(link), "salt": made.salt} for link, made in zip(links, noted, strict=True)]
+    connection.execute(RECORDS["chain"].insert(), rows)
