@@ -127,6 +127,7 @@ class Lab:
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
+        self.store.watch()
         await self.reporter.discard()  # of a lab that was killed
         self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
 

@@ -56,8 +56,8 @@ class SessionContext:
     # ---- the record ---------------------------------------------------------------------------------------------
 
     async def commit(self, batch: Batch) -> None:
-        """Write one batch; it is on disk when this returns."""
-        await self.services.store.run(lambda store: store.commit(batch))
+        """Write one batch; it is on disk when this returns, however long the disk takes."""
+        await self.services.store.keep(lambda store: store.commit(batch))
         self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 
     async def note_clock(self) -> None:

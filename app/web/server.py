@@ -37,6 +37,7 @@ from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
 from app.web.sessions_api import add_sessions_api
 from study.language.words import ENGLISH, Words
+from study.store import WHAT_TO_DO, StoreTroubled
 
 log = logging.getLogger(__name__)
 
@@ -118,6 +119,11 @@ def _add_errors(app: FastAPI) -> None:
     @app.exception_handler(LabError)
     async def lab_error(_: Request, error: LabError) -> JSONResponse:
         return JSONResponse({"detail": str(error)}, 503)
+
+    @app.exception_handler(StoreTroubled)
+    async def not_saved(_: Request, error: StoreTroubled) -> JSONResponse:
+        """What was asked for is not on disk."""
+        return JSONResponse({"detail": f"The lab cannot save now. {WHAT_TO_DO[error.kind]}"}, 503)
 
     @app.middleware("http")
     async def secure(request: Request, call_next: Any) -> Response:

@@ -3,7 +3,9 @@
 The rest of the project uses the names below and nothing further in. Where to look:
 
     store         `Store`: everything the lab asks of its data; each method that writes is one transaction
-    async_store   a store for asyncio code: one thread does all the writing
+    async_store   a store for asyncio code: one thread does all the writing, and tries again while the disk does not do
+    condition     what the disk can do to a store, and what helps
+    rescue        a copy of a database whose file is gone
     fingerprint   the machine and the versions that data were recorded on
     database      the file: lock, versions, damage, transactions, durability
     migration     versions of the file, and how an older one becomes this one
@@ -19,6 +21,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
 """
 
 from study.store.async_store import AsyncStore
+from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
 from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
@@ -26,6 +29,7 @@ from study.store.values import Batch, ConsentGiven, Cycle, Identity, StoredSessi
 from study.store.verification import verify_data
 
 __all__ = [
+    "WHAT_TO_DO",
     "AsyncStore",
     "Batch",
     "ConsentGiven",
@@ -34,8 +38,11 @@ __all__ = [
     "Snapshot",
     "Store",
     "StoreError",
+    "StoreTroubled",
     "StoredSession",
     "Submission",
+    "Trouble",
+    "TroubleKind",
     "machine_fingerprint",
     "open_store",
     "verify_data",

@@ -1,7 +1,10 @@
 """The file: one SQLite database in the data folder, whose transactions are on disk when they end.
 
 SQLite has one writer at a time, others wait up to ten seconds; readers see one moment and hold nobody up (WAL with
-`synchronous=FULL`).
+`synchronous=FULL`). The lab that serves waits a moment only: it tries again by itself, and says so meanwhile.
+
+SQLite goes on writing to a file that was deleted or moved under its hands. So each transaction ends with a look whether
+the database is still where it was opened, and raises when it is not.
 """
 
 from __future__ import annotations
@@ -9,27 +12,37 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import os
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import IO, Any
+from urllib.parse import quote
 
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.store import ledger, migration
+from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
 from study.store.fingerprint import machine_fingerprint
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
 FILE_NAME = "lab.sqlite"
 LOCK_NAME = "lab.lock"
+WAIT_S = 10.0
+"""How long a transaction waits for another program's."""
+WAIT_SERVING_S = 0.25
+"""The same for the lab that serves: everybody who waits is told meanwhile."""
+_BESIDE = ("", "-wal", "-shm")
+"""What the files of an open database end in."""
 
 
 def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Database:
     """Open the database of a data folder, as `open_store` says."""
-    path = folder / FILE_NAME
+    path = folder.absolute() / FILE_NAME
     try:
         if must_exist and not path.is_file():
             raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
@@ -64,14 +77,22 @@ def _lock(folder: Path) -> IO[str]:
 
 
 class Database:
-    """The open file and its transactions. Made by `open_database`; usable from several threads."""
+    """The open file and its transactions. Made by `open_database`; usable from several threads.
+
+    Attributes:
+        path: where it stands.
+        writes: how many transactions were written.
+    """
 
     def __init__(self, path: Path, lock: IO[str] | None = None) -> None:
         self.path = path
+        self.writes = 0
         self._lock = lock
+        self._place: tuple[tuple[int, int] | None, ...] | None = None
+        self._anchor: sqlite3.Connection | None = None
         # Put together, not written as text: the name of a folder may hold ? and %, which mean something in an address.
-        address = sql.URL.create("sqlite", database=str(path.absolute()))
-        self.engine = sql.create_engine(address, connect_args={"timeout": 10.0})
+        address = sql.URL.create("sqlite", database=str(path))
+        self.engine = sql.create_engine(address, creator=self._connect)
         sql.event.listen(self.engine, "connect", _set_up_connection)
         sql.event.listen(self.engine, "begin", _begin)
         self._writing = self.engine.execution_options(begin="BEGIN IMMEDIATE")
@@ -79,6 +100,9 @@ class Database:
     def close(self) -> None:
         """Give up the file; twice is once."""
         self.engine.dispose()
+        if self._anchor is not None:
+            self._anchor.close()
+            self._anchor = None
         if self._lock:
             self._lock.close()
             self._lock = None
@@ -90,6 +114,8 @@ class Database:
             ledger.open_ledger(connection)
             yield connection
             ledger.close_ledger(connection)
+            self._must_be_in_place()
+        self.writes += 1
 
     @contextmanager
     def read(self) -> Iterator[sql.Connection]:
@@ -99,11 +125,76 @@ class Database:
 
     def empty_log(self) -> bool:
         """Move the log into the file and cut it off; False when another process's reading did not let it."""
-        with self.engine.connect() as connection:
-            emptied = connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql(
-                "PRAGMA wal_checkpoint(TRUNCATE)"
-            )
-            return int(emptied.one()[0]) == 0
+        with self._told(), self.engine.connect() as connection:
+            direct = connection.execution_options(isolation_level="AUTOCOMMIT")
+            waits_ms = direct.exec_driver_sql("PRAGMA busy_timeout").scalar_one()
+            direct.exec_driver_sql(f"PRAGMA busy_timeout={round(WAIT_S * 1000)}")
+            try:
+                return int(direct.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)").one()[0]) == 0
+            finally:
+                direct.exec_driver_sql(f"PRAGMA busy_timeout={waits_ms}")
+
+    # ---- where it stands
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the files are still those that were opened. A reader's are not watched."""
+        return self._place is None or self._place == self._found()
+
+    def try_to_write(self) -> None:
+        """Write what changes nothing, to see whether the disk does."""
+        with self.write() as connection:
+            number = connection.exec_driver_sql("PRAGMA user_version").scalar_one()
+            connection.exec_driver_sql(f"PRAGMA user_version={int(number)}")
+
+    def copy_out(self, path: Path) -> None:
+        """Write all of it to a new file, also when its own has no name any more: what is open can still be read.
+
+        Raises `OSError` or `sqlite3.Error` when that place does not take it.
+        """
+        assert self._anchor is not None  # `prepare` opened it
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+        with closing(sqlite3.connect(path)) as copy:
+            copy.execute("PRAGMA synchronous=FULL")
+            self._anchor.backup(copy)
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+    def _found(self) -> tuple[tuple[int, int] | None, ...]:
+        """Device and inode of each of the files that stand there now."""
+        found: list[tuple[int, int] | None] = []
+        for ending in _BESIDE:
+            try:
+                status = os.stat(f"{self.path}{ending}")
+            except OSError:
+                found.append(None)
+            else:
+                found.append((status.st_dev, status.st_ino))
+        return tuple(found)
+
+    def _must_be_in_place(self) -> None:
+        if not self.in_place:
+            raise StoreTroubled("gone", f"{self.path}: {WHAT_TO_DO['gone']}")
+
+    def _connect(self) -> sqlite3.Connection:
+        """Another connection; to no file but the one that was opened, and none is made in its place."""
+        self._must_be_in_place()
+        mode = "rwc" if self._place is None else "rw"
+        address = f"file:{quote(os.fsencode(self.path))}?mode={mode}"
+        wait_s = WAIT_SERVING_S if self._place is not None and self._lock else WAIT_S
+        return sqlite3.connect(address, uri=True, timeout=wait_s, check_same_thread=False)
+
+    def _stay(self) -> None:
+        """From now on the files are watched, and held open by one connection whatever becomes of the others."""
+        self._anchor = self._connect()
+        self._anchor.execute("SELECT count(*) FROM sqlite_master").fetchone()  # which makes the files beside it
+        self._place = self._found()
+        self.engine.dispose()  # those of before wait longer
+
+    # ---- versions
 
     def prepare(self, *, is_reader: bool, is_new: bool) -> None:
         """Make the tables of a new file, or check that the file is one of ours and whole, and bring an older one up.
@@ -137,6 +228,7 @@ class Database:
                 METADATA.create_all(connection, tables=[VERSION] if existing else None)
                 migration.mark(connection)
             connection.execute(insert_or_update(MACHINES).values(machine).on_conflict_do_nothing())
+        self._stay()
 
     def _bring_up(self) -> None:
         """Make an older file one of this version, after copying it aside; nobody else has it open meanwhile."""
@@ -175,7 +267,11 @@ class Database:
         try:
             yield
         except sql.exc.DBAPIError as error:
-            raise StoreError(f"{self.path}: {error.orig}") from error
+            kind = kind_of(str(error.orig))
+            if kind is None:
+                raise StoreError(f"{self.path}: {error.orig}") from error
+            self._must_be_in_place()  # or that is why
+            raise StoreTroubled(kind, f"{self.path}: {error.orig}") from error
         except OverflowError as error:
             raise StoreError(f"{self.path}: a whole number beyond 64 bits cannot be stored") from error
 

@@ -16,6 +16,7 @@ from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
 from study.store import erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database
+from study.store.rescue import copy_out
 from study.store.snapshot import Snapshot
 from study.store.values import Batch, Cycle, StoredSession, StoreError
 
@@ -35,12 +36,31 @@ class Store:
 
     def __init__(self, database: Database, flow: Flow = FLOW) -> None:
         self._database = database
-        self._flow = flow
+        self.flow = flow
 
     @property
     def path(self) -> Path:
         """The database's file."""
         return self._database.path
+
+    @property
+    def writes(self) -> int:
+        """How many transactions were written."""
+        return self._database.writes
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the database is still the file that was opened: not moved, deleted or replaced."""
+        return self._database.in_place
+
+    def try_to_write(self) -> None:
+        """Write what changes nothing. Raises `StoreTroubled` when the disk does not do."""
+        self._database.try_to_write()
+
+    def rescue(self, utc: str) -> Path:
+        """Copy everything to a new data folder where one can be made: beside the old one, at home, or where temporary
+        files go. Works for a database whose file was deleted. Raises `StoreError` when no place takes it."""
+        return copy_out(self._database, utc)
 
     def close(self) -> None:
         """Give up the file; twice is once."""
@@ -78,7 +98,7 @@ class Store:
             participant = participants.enrol(
                 connection,
                 study,
-                self._flow,
+                self.flow,
                 seed=seed,
                 public_id=public_id,
                 utc=utc,
@@ -95,7 +115,7 @@ class Store:
     def session(self, participant: str) -> StoredSession:
         """One participant; `StoreError` when there is none of that id."""
         with self._database.read() as connection:
-            found = participants.stored_sessions(connection, self._flow, participant=participant)
+            found = participants.stored_sessions(connection, self.flow, participant=participant)
         if not found:
             raise StoreError(f"no participant {participant!r}")
         return found[0]
@@ -103,7 +123,7 @@ class Store:
     def sessions(self) -> tuple[StoredSession, ...]:
         """Everyone, demo included, in order of enrolment."""
         with self._database.read() as connection:
-            return participants.stored_sessions(connection, self._flow)
+            return participants.stored_sessions(connection, self.flow)
 
     def study_text(self, study_hash: str) -> str:
         """The study file that participants were enrolled with, by its SHA-256; `StoreError` when there is none."""

@@ -1,0 +1,51 @@
+"""A copy of a database whose file was deleted, moved or replaced while it was open.
+
+The copy is a data folder: a lab can be started on it as it is.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from study.store.database import FILE_NAME, Database
+from study.store.values import StoreError
+
+
+def copy_out(database: Database, utc: str) -> Path:
+    """Copy everything to a new folder; returns it. Raises `StoreError` when no place takes it."""
+    name = f"{database.path.parent.name}.rescued-{utc[:19].replace('-', '').replace(':', '')}"
+    problems = []
+    for place in _places(database.path.parent):
+        try:
+            folder = _new_folder(place, name)
+            database.copy_out(folder / FILE_NAME)
+        except (OSError, sqlite3.Error) as error:
+            problems.append(f"{place}: {error}")
+        else:
+            return folder
+    raise StoreError(f"no place for a rescue copy of {database.path}: {'; '.join(problems)}")
+
+
+def _places(folder: Path) -> Iterator[Path]:
+    """Where a copy may go, best first."""
+    yield folder.parent
+    with suppress(RuntimeError):  # whoever has none
+        yield Path.home()
+    yield Path(tempfile.gettempdir())
+
+
+def _new_folder(place: Path, name: str) -> Path:
+    """A folder of that name, or that name with a number. Raises `OSError`."""
+    number = 1
+    while True:
+        folder = place / (name if number == 1 else f"{name}-{number}")
+        try:
+            folder.mkdir(mode=0o700)
+        except FileExistsError:
+            number += 1
+        else:
+            return folder

@@ -1,0 +1,212 @@
+"""What the disk does to a store is a state: told at once, tried again, over by itself; nothing is lost, or twice."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import sqlite3
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sql
+
+from study.store import AsyncStore, Batch, Store, StoreTroubled, Trouble, TroubleKind, open_store
+from tests.support.study_samples import UTC, event_row, shipped_study
+
+PARTICIPANT = "P001"
+WITHIN_S = 5.0
+
+
+class Told:
+    """What listeners were told, to wait for."""
+
+    def __init__(self, store: AsyncStore) -> None:
+        self._store = store
+        self._changed = asyncio.Event()
+        store.listen(lambda trouble: self._changed.set())
+
+    async def until(self, wanted: Callable[[Trouble | None], bool]) -> Trouble | None:
+        while not wanted(self._store.trouble):
+            self._changed.clear()
+            await asyncio.wait_for(self._changed.wait(), WITHIN_S)
+        return self._store.trouble
+
+
+@pytest.fixture
+async def store(tmp_path: Path) -> AsyncIterator[AsyncStore]:
+    opened = open_store(tmp_path / "data", exclusive=True)
+    opened.create_participant(shipped_study(), seed=1, public_id="public", utc=UTC)
+    served = AsyncStore(opened)
+    yield served
+    await served.close()
+
+
+def one_event(kind: str) -> Callable[[Store], bool]:
+    return lambda store: store.commit(Batch(events=(event_row(participant=PARTICIPANT, kind=kind),)))
+
+
+def kinds_in(folder: Path) -> list[str]:
+    with closing(sqlite3.connect(folder / "lab.sqlite")) as connection:
+        return [kind for (kind,) in connection.execute("SELECT kind FROM events ORDER BY rowid")]
+
+
+# ---- disks that do not do, each with what makes it do again
+
+
+@contextmanager
+def locked(store: Store) -> Iterator[None]:
+    with closing(sqlite3.connect(store.path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        yield
+        other.execute("ROLLBACK")
+
+
+@contextmanager
+def full(store: Store) -> Iterator[None]:
+    """As many pages as it has, and no room in those for more."""
+    with on_every_connection(store, "PRAGMA max_page_count=1", "PRAGMA max_page_count=1000000"):
+        yield
+
+
+@contextmanager
+def read_only(store: Store) -> Iterator[None]:
+    with on_every_connection(store, "PRAGMA query_only=ON", "PRAGMA query_only=OFF"):
+        yield
+
+
+@contextmanager
+def on_every_connection(store: Store, before: str, after: str) -> Iterator[None]:
+    engine = store._database.engine
+    said = [before]
+    sql.event.listen(engine, "checkout", lambda connection, *_: connection.execute(said[0]).fetchall())
+    yield
+    said[0] = after
+
+
+@contextmanager
+def moved(store: Store) -> Iterator[None]:
+    folder = store.path.parent
+    elsewhere = folder.with_name("elsewhere")
+    folder.rename(elsewhere)
+    yield
+    elsewhere.rename(folder)
+
+
+TROUBLES = {"locked": locked, "full": full, "read_only": read_only, "gone": moved}
+
+
+@pytest.mark.parametrize("kind", TROUBLES)
+async def test_what_must_be_kept_waits_for_the_disk_and_is_written_once(
+    store: AsyncStore, kind: TroubleKind, tmp_path: Path
+) -> None:
+    told = Told(store)
+    big = "x" * 20_000
+    work = lambda opened: opened.commit(  # noqa: E731
+        Batch(events=(event_row(participant=PARTICIPANT, kind="kept", data=f'{{"big": "{big}"}}'),))
+    )
+    with TROUBLES[kind](store.store):
+        kept = asyncio.create_task(store.keep(work))
+        trouble = await told.until(lambda trouble: trouble is not None)
+        assert trouble is not None and trouble.kind == kind
+        with pytest.raises(StoreTroubled):
+            await store.run(work)
+        assert not kept.done()
+    await asyncio.wait_for(kept, WITHIN_S)
+    assert store.trouble is None
+    assert kinds_in(tmp_path / "data") == ["kept"]
+
+
+async def test_what_takes_long_is_told_and_blames_nobody(store: AsyncStore) -> None:
+    told = Told(store)
+    loop = asyncio.get_running_loop()
+    on = asyncio.run_coroutine_threadsafe
+
+    def slowly(opened: Store) -> bool:
+        on(told.until(lambda trouble: trouble is not None and trouble.kind == "slow"), loop).result(WITHIN_S)
+        return one_event("slow")(opened)
+
+    assert await store.run(slowly)
+    assert store.trouble is None
+
+
+async def test_reading_does_not_wait_for_what_is_being_written(store: AsyncStore) -> None:
+    with locked(store.store):
+        kept = asyncio.create_task(store.keep(one_event("kept")))
+        assert await store.read(lambda opened: opened.session(PARTICIPANT).participant) == PARTICIPANT
+        assert not kept.done()
+    await asyncio.wait_for(kept, WITHIN_S)
+
+
+async def test_a_mistake_of_ours_is_no_trouble_of_the_disk(store: AsyncStore) -> None:
+    with pytest.raises(ValueError, match="no participant"):
+        await store.keep(lambda opened: opened.session("P999"))
+    assert store.trouble is None
+
+
+async def test_trouble_is_noticed_while_nobody_writes(store: AsyncStore, tmp_path: Path) -> None:
+    told = Told(store)
+    store.watch()
+    with moved(store.store):
+        trouble = await told.until(lambda trouble: trouble is not None)
+        assert trouble is not None and trouble.kind == "gone"
+    await told.until(lambda trouble: trouble is None)
+
+
+# ---- a data folder that is gone
+
+
+async def deleted(store: AsyncStore) -> Trouble:
+    """Delete the folder under the lab's hands; what it says once the rescue copy stands."""
+    told = Told(store)
+    shutil.rmtree(store.store.path.parent)
+    kept = asyncio.create_task(store.keep(one_event("in hand")))
+    trouble = await told.until(lambda trouble: trouble is not None and trouble.rescue is not None)
+    assert not kept.done()
+    kept.cancel()
+    assert trouble is not None
+    return trouble
+
+
+async def test_a_deleted_folder_is_noticed_and_all_of_it_copied_with_what_is_in_hand(
+    store: AsyncStore, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    await store.run(one_event("before"))
+    trouble = await deleted(store)
+    assert trouble.kind == "gone" and trouble.rescue is not None
+    assert trouble.rescue.parent == tmp_path
+    assert str(trouble.rescue) in caplog.text
+    assert not (tmp_path / "data").exists()
+    with open_store(trouble.rescue, exclusive=True) as copy:  # a data folder like any other
+        assert [row.kind for row in copy.rows_of("events", PARTICIPANT)] == ["before", "in hand"]
+    assert (trouble.rescue / "lab.sqlite").stat().st_mode & 0o077 == 0
+
+
+async def test_a_folder_put_in_its_place_is_neither_written_nor_taken_for_it(store: AsyncStore, tmp_path: Path) -> None:
+    await store.run(one_event("before"))
+    shutil.move(tmp_path / "data", tmp_path / "elsewhere")
+    with open_store(tmp_path / "data"):
+        pass
+    with pytest.raises(StoreTroubled, match="moved, deleted or replaced"):
+        await store.run(one_event("after"))
+    assert kinds_in(tmp_path / "data") == []
+    assert kinds_in(tmp_path / "elsewhere") == ["before"]
+
+
+async def test_a_place_that_takes_no_copy_is_passed_by(
+    store: AsyncStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    mkdir = Path.mkdir
+
+    def refuse(path: Path, *arguments: object, **options: object) -> None:
+        if path.parent == tmp_path:
+            raise PermissionError(13, "Permission denied")
+        mkdir(path, *arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    trouble = await deleted(store)
+    assert trouble.rescue is not None and trouble.rescue.parent == home
