@@ -16,6 +16,7 @@ from app.config import LabConfig, Pace
 from app.errors import LabError
 from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import new_token, same_token, token_hash
+from app.limits import Refusals
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.interfaces import Enrolment, LabServices
@@ -73,6 +74,7 @@ class Lab:
         client_message: what a page may say.
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
+        refusals: how often each bound on what a client may cost was reached.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
@@ -85,6 +87,7 @@ class Lab:
     ) -> None:
         self.config = config
         self.flow = flow
+        self.refusals = Refusals()
         self.client_message = client_message(flow)
         self.base_url = config.public_url or ""
         self.experimenter_token = experimenter_token or new_token()

@@ -36,6 +36,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.wire", "app.config", "app.clock"),
     ("app.monitoring",),
     ("app.texts",),
+    ("app.limits",),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
@@ -90,6 +91,8 @@ PURE = (
         "app.errors",
         "study.records",
         "study.integrity",
+        "app.limits",
+        "study.records",
         "study.parts",
         "study.definition",
         "study.flow",
