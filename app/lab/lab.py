@@ -37,7 +37,7 @@ from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
 from study.records import EventRow, StudyError, utc_text
-from study.store import AsyncStore, Store, StoredSession, open_store
+from study.store import AsyncStore, Store, StoredSession, fingerprint_id, machine_fingerprint, open_store
 
 PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0
@@ -96,7 +96,7 @@ class Lab:
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
-        self._robot: dict[str, str] = {}
+        self._ran_on: dict[str, str] = {}
         self._studies: dict[str, Study] = {}
         self._setups: dict[str, StudySetup] = {}
         self._setup: StudySetup | None = None
@@ -119,7 +119,8 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
-        self._robot = robot_facts(self.config.robot)
+        machine = fingerprint_id(machine_fingerprint())
+        self._ran_on = {**robot_facts(self.config.robot), "machine": machine}
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             store.sessions()  # somebody may stand on a page that this flow has not
@@ -389,7 +390,7 @@ class Lab:
             ),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             clock=clock,
-            robot=self._robot,
+            ran_on=self._ran_on,
             changed=self.changed,
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,

@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
-    ("app.session", "app.replication", "app.contracts"),
+    ("app.session", "app.replication", "app.replay", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
     ("app.wire", "app.config", "app.clock"),

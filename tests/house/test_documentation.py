@@ -531,7 +531,8 @@ def test_the_trial_without_a_server_runs_as_it_stands(tmp_path: Path) -> None:
 
 
 def test_the_examples_that_read_an_export_run_as_they_stand(place: Path) -> None:
-    lengths, beliefs, words = outputs("docs/how-to/read-an-export.md", place)
+    lengths, beliefs, words, again = outputs("docs/how-to/read-an-export.md", place)
+    assert again.startswith("S001 trial 2 same ") and again.endswith(" None\n")
     assert "demographics" in words and "sus_modified" in words
     for printed in (lengths, beliefs):
         for name in ("teleoperation", "goal_oriented", "balanced"):
