@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import secrets
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,9 +15,12 @@ from typing import Any, Literal
 from app.clock import SteadyClock
 from app.config import LabConfig, Pace
 from app.errors import LabError
+from app.lab.gauges import gauges
+from app.lab.health import Health, why_no_room
 from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import new_token, same_token, token_hash
-from app.limits import Refusals
+from app.monitoring.log_lines import about
+from app.monitoring.metrics import Metrics
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.interfaces import Enrolment, LabServices
@@ -29,6 +33,7 @@ from app.trial.world import open_study, parse_stored
 from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.one_answer import Question, one_answer
+from app.worker.probes import prepared_scene, why_no_process
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
@@ -37,7 +42,9 @@ from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
 from study.records import EventRow, StudyError, utc_text
-from study.store import AsyncStore, Store, StoredSession, fingerprint_id, machine_fingerprint, open_store
+from study.store import AsyncStore, Store, StoredSession, open_store
+
+log = logging.getLogger(__name__)
 
 PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0
@@ -74,7 +81,8 @@ class Lab:
         client_message: what a page may say.
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
-        refusals: how often each bound on what a client may cost was reached.
+        metrics: what is counted and measured.
+        health: whether the lab does what it is for.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
@@ -84,27 +92,35 @@ class Lab:
         experimenter_token: str | None = None,
         now_unix_s: Callable[[], float] = time.time,
         flow: Flow = FLOW,
+        metrics_token: str | None = None,
     ) -> None:
         self.config = config
         self.flow = flow
-        self.refusals = Refusals()
         self.client_message = client_message(flow)
         self.base_url = config.public_url or ""
         self.experimenter_token = experimenter_token or new_token()
+        self.metrics_token = metrics_token
         self.demo_token = new_token()
         self._demo_public_id = secrets.token_hex(8)
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
-        self._ran_on: dict[str, str] = {}
+        self._robot: dict[str, str] = {}
         self._studies: dict[str, Study] = {}
         self._setups: dict[str, StudySetup] = {}
         self._setup: StudySetup | None = None
         self._live: dict[str, LiveSession] = {}
         self._opening: dict[str, asyncio.Lock] = {}
         self._probe: asyncio.Task[None] | None = None
+        self._health_watch: asyncio.Task[None] | None = None
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
+        self.metrics = Metrics(lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers)))
+        self.health = Health(
+            lambda: self.store.trouble,
+            {"workers": lambda: why_no_process(self._workers), "room": lambda: why_no_room(config.data_dir)},
+            (lambda: prepared_scene(self._workers)) if config.scene else None,
+        )
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
 
     # ---- life ---------------------------------------------------------------------------------------------------
@@ -119,8 +135,7 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
-        machine = fingerprint_id(machine_fingerprint())
-        self._ran_on = {**robot_facts(self.config.robot), "machine": machine}
+        self._robot = robot_facts(self.config.robot)
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             store.sessions()  # somebody may stand on a page that this flow has not
@@ -134,17 +149,21 @@ class Lab:
         self.store.watch()
         await self.reporter.discard()  # of a lab that was killed
         self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
+        self._health_watch = asyncio.create_task(self.health.watch(), name="watch health")
+        log.info("the lab serves", extra=about(robot=self.config.robot, pace=self.config.pace, scene=self.config.scene))
 
     async def close(self) -> None:
         """End every worker and close the store. Sessions go on where they were when a lab opens again."""
-        if self._probe is not None:
-            self._probe.cancel()
-            await asyncio.gather(self._probe, return_exceptions=True)
+        for task in (self._probe, self._health_watch):
+            if task is not None:
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
         await self.reporter.discard()
         await asyncio.gather(*(session.close() for session in self._live.values()))
         self._live.clear()
         if self._store is not None:
             await self._store.close()
+        log.info("the lab has ended")
 
     @property
     def store(self) -> AsyncStore:
@@ -165,6 +184,11 @@ class Lab:
     def is_experimenter(self, token: str) -> bool:
         """Whether this is the experimenter's token."""
         return same_token(token, self.experimenter_token)
+
+    def reads_metrics(self, token: str) -> bool:
+        """Whether this token opens the metrics: the experimenter's, or the one that opens nothing else."""
+        is_own = self.metrics_token is not None and same_token(token, self.metrics_token)
+        return is_own or self.is_experimenter(token)
 
     async def holder(self, token: str) -> tuple[StoredSession, Literal["participant", "panel"]] | None:
         """Whose link this token is, and for which page; None if nobody's."""
@@ -325,6 +349,11 @@ class Lab:
         """The participant's session if it is live."""
         return self._live.get(participant)
 
+    @property
+    def live_sessions(self) -> tuple[LiveSession, ...]:
+        """All that are live."""
+        return tuple(self._live.values())
+
     async def session(self, stored: StoredSession, to_end: bool = False) -> LiveSession:
         """The participant's live session, brought up where it was left if need be.
 
@@ -337,6 +366,7 @@ class Lab:
                 session = await self._bring_up(fresh, to_end or fresh.session.is_over)
                 await session.open()
                 self._live[participant] = session
+                log.info("a session is taken up", extra=about(participant=participant))
                 self.changed(participant)
             self._live[participant].expect()
             return self._live[participant]
@@ -390,8 +420,9 @@ class Lab:
             ),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             clock=clock,
-            ran_on=self._ran_on,
+            robot=self._robot,
             changed=self.changed,
+            metrics=self.metrics,
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,
         )
@@ -459,6 +490,7 @@ class Lab:
     ) -> WorkerProcess:
         worker = WorkerProcess(self._workers, spec, on_report, on_exit)
         worker.start()
+        self.metrics.worker_started()
         return worker
 
     def one_answer(self, question: Question) -> int:
@@ -481,6 +513,7 @@ class Lab:
                 async with self._opening.setdefault(participant, asyncio.Lock()):
                     if session.deserted(deserted_s) and self._live.pop(participant, None) is not None:
                         await session.close()
+                        log.info("a session nobody is connected to is put aside", extra=about(participant=participant))
 
 
 __all__ = ["Invitation", "Lab", "NoSuchParticipant", "StudyUnreadable"]

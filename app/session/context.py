@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -57,7 +58,9 @@ class SessionContext:
 
     async def commit(self, batch: Batch) -> None:
         """Write one batch; it is on disk when this returns, however long the disk takes."""
+        began_s = time.perf_counter()
         await self.services.store.keep(lambda store: store.commit(batch))
+        self.services.metrics.committed(time.perf_counter() - began_s)
         self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 
     async def note_clock(self) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol
 
 from app.clock import SteadyClock
 from app.config import LabConfig, Pace
+from app.monitoring.metrics import Metrics
 from app.trial.labels import Labels
 from app.wire import Message
 from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
@@ -134,12 +135,14 @@ class LabServices:
     """A link for the second device."""
     clock: SteadyClock
     """The session's own: its times never go back."""
-    ran_on: Mapping[str, str] = field(default_factory=dict)
-    """Which robot runs the trials and which machine it is, for the record."""
+    robot: Mapping[str, str] = field(default_factory=dict)
+    """Which robot runs the trials, for the record."""
     changed: Callable[[str], None] = lambda participant: None
     """Told whenever something about the session may have changed."""
     flow: Flow = FLOW
     """The participant's pages."""
+    metrics: Metrics = field(default_factory=Metrics)
+    """What is counted and measured."""
 
     def now_unix_s(self) -> float:
         """The time by the session's clock."""

@@ -222,6 +222,16 @@ class LiveSession:
         return self._services.labels
 
     @property
+    def queue_length(self) -> int:
+        """How much waits to be dealt with."""
+        return self._queue.qsize()
+
+    @property
+    def has_worker(self) -> bool:
+        """Whether there is a process of its own, ready or not."""
+        return self._link.is_up
+
+    @property
     def connected(self) -> bool:
         """Whether the participant's page is connected."""
         return self._connections.participant is not None

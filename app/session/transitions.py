@@ -82,7 +82,8 @@ class Transitions:
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             context.vitals.overruns = 0
             begun = replace(context.services.trial_row(after.trial), started_utc=context.services.now_utc())
-            batch = replace(batch, trials=(begun,))
+            robot = context.event("robot", "lab", context.services.robot)
+            batch = replace(batch, trials=(begun,), events=(*batch.events, robot))
         again = await self._practice_again() if event.name == "repeat_practice" else None
         if again is not None:
             batch = replace(batch, cycles=context.cycle_rows(again, practice=True))
@@ -123,8 +124,9 @@ class Transitions:
                 store.rows_of("practice_ticks", participant, trial=trial),
             )
         )
-        start = cycle_from_json(last.start) if last else CycleStart()
-        return start.repeated(start.cycle + 1, rows[-1].tick + 1 if rows else 0)
+        cycle = cycle_from_json(last.start).cycle if last else CycleStart().cycle
+        first_tick = rows[-1].tick + 1 if rows else 0
+        return CycleStart(cycle + 1, first_tick, counted_from=first_tick)
 
     async def _carry_out(self, effects: tuple[Effect, ...]) -> None:
         link = self._context.link
@@ -235,11 +237,9 @@ class Transitions:
         context, link = self._context, self._context.link
         link.ready, link.scene_port = True, report.scene_port
         context.running.ready(report)
-        phase, _ = context.session.worker or ("", 0)
-        events = [context.event("robot", "lab", {**context.services.ran_on, "phase": phase})]
         if report.mismatch is not None:
-            events.append(context.event("replay_mismatch", "robot", {"tick": report.mismatch}))
-        await context.commit(Batch(events=tuple(events)))
+            event = context.event("replay_mismatch", "robot", {"tick": report.mismatch})
+            await context.commit(Batch(events=(event,)))
         if report.finished:
             await self._running_trial_done(Batch())
             return
@@ -290,6 +290,7 @@ class Transitions:
         def show_all() -> None:
             connections.show_world(running.world)
             connections.show_tick(tick)
+            context.services.metrics.ticked(report.late_ms, report.missed)
             for item in changed:
                 connections.show_alert(item, running.distractor, running.trial_s)
 

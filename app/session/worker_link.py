@@ -85,6 +85,7 @@ class WorkerLink:
 
     def lost(self) -> None:
         """The process ended by itself."""
+        self._services.metrics.worker_lost()
         self._handle, self.ready, self.held = None, False, False
         self.scene_port = self.spectator_port = None
         self.restarts += 1

@@ -69,9 +69,19 @@ def lab_of(request: Request) -> Lab:
 
 def experimenter(request: Request) -> str:
     """Lets only the experimenter through."""
+    _check_bearer(request, lab_of(request).is_experimenter)
+    return who_says(request.headers.get(WHO_HEADER, ""))
+
+
+def metrics_reader(request: Request) -> None:
+    """Lets the experimenter through, and whoever has the token that opens the metrics alone."""
+    _check_bearer(request, lab_of(request).reads_metrics)
+
+
+def _check_bearer(request: Request, is_right: Callable[[str], bool]) -> None:
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
-    if scheme.lower() == "bearer" and lab_of(request).is_experimenter(token.strip()):
-        return who_says(request.headers.get(WHO_HEADER, ""))
+    if scheme.lower() == "bearer" and is_right(token.strip()):
+        return
     if token:
         check_wrong_token(request, token)
     raise HTTPException(403, "the experimenter's token is needed, as 'Authorization: Bearer TOKEN'")

@@ -7,7 +7,7 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -28,16 +28,21 @@ MAX_QUEUED = 1000
 class SocketClient:
     """A connected page, as `app.session.session.Client` wants it."""
 
-    def __init__(self, websocket: WebSocket, role: Role, hello: Hello) -> None:
+    def __init__(
+        self, websocket: WebSocket, role: Role, hello: Hello, refused: Callable[[str], None] = lambda code: None
+    ) -> None:
         self.role: Role = role
         self.name = hello.client
         self.telemetry = hello.telemetry
         self._websocket = websocket
+        self._refused = refused
         self._outgoing: asyncio.Queue[Message | None] = asyncio.Queue(MAX_QUEUED)
         self._overrun = asyncio.Event()
 
     def deliver(self, message: Message) -> None:
-        """Queue a message."""
+        """Queue a message; a refusal is counted."""
+        if isinstance(message, Error):
+            self._refused(message.code)
         try:
             self._outgoing.put_nowait(message)
         except asyncio.QueueFull:
@@ -106,8 +111,10 @@ async def serve(
     session: LiveSession,
     role: Role,
     taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE,
+    refused: Callable[[str], None] = lambda code: None,
 ) -> None:
-    """Speak the protocol on an accepted socket until either side leaves. `taken` is what a page may say."""
+    """Speak the protocol on an accepted socket until either side leaves. `taken` is what a page may say; `refused` is
+    called with the code of each refusal."""
     try:
         hello = await asyncio.wait_for(_hello(websocket), HELLO_WITHIN_S)
     except asyncio.TimeoutError:
@@ -116,7 +123,7 @@ async def serve(
         return
     except (WebSocketDisconnect, RuntimeError):
         return  # gone before it said anything, or while it was told what was wrong
-    client = SocketClient(websocket, role, hello)
+    client = SocketClient(websocket, role, hello, refused)
     session.attach(client)
     sending = asyncio.create_task(client.send_all())
     receiving = asyncio.create_task(_receive_all(websocket, session, client, taken))

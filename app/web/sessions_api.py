@@ -138,12 +138,6 @@ public = APIRouter(prefix="/api", tags=["open"])
 private = experimenters_router("experimenter")
 
 
-@public.get("/health")
-async def health(lab: TheLab) -> dict[str, str]:
-    """Whether the lab is up, and which study it runs."""
-    return {"status": "ok", "study": lab.setup.study.title, "robot": lab.config.robot}
-
-
 @public.get("/protocol")
 async def protocol_schemas(lab: TheLab) -> dict[str, Any]:
     """JSON schemas of every message on a participant's WebSocket."""
@@ -268,8 +262,8 @@ async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = F
     )
 
 
-def add_sessions_api(app: FastAPI, lab: Lab) -> None:
+def add_sessions_api(app: FastAPI) -> None:
     """Put all routes of this file into an app whose `state.lab` is the lab."""
-    app.state.wrong_tokens = Attempts(lab.config.limits.wrong_tokens_per_min, addresses=lab.config.limits.addresses)
+    app.state.wrong_tokens = Attempts()
     app.include_router(public)
     app.include_router(private)

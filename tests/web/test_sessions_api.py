@@ -13,8 +13,8 @@ import httpx
 import pytest
 
 from tests.support.lab_server import LabServer
+from tests.support.route_table import EXPERIMENTERS_ROUTES, OPEN_ROUTES
 from tests.support.wire_client import command, events, invite, read, seen_by_experimenter, stored, visit
-from tests.web.test_access import EXPERIMENTERS_ROUTES, OPEN_ROUTES
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +49,6 @@ def test_the_protocol_is_told_as_schemas(client: httpx.Client) -> None:
     told = client.get("/api/protocol").json()
     assert set(told["client"]["discriminator"]["mapping"]) >= {"hello", "input", "heartbeat", "submit", "note"}
     assert set(told["server"]["discriminator"]["mapping"]) >= {"welcome", "page", "tick", "error", "ack"}
-
-
-def test_health_says_which_study_runs(client: httpx.Client) -> None:
-    assert client.get("/api/health").json() == {
-        "status": "ok",
-        "study": "Moving objects with a robot arm",
-        "robot": "kinematic",
-    }
 
 
 # --- participants ------------------------------------------------------------------------------------------------
