@@ -24,6 +24,14 @@ class StudyError(ValueError):
     """A value the study engine cannot take; the message gives the value, the bound and the choices."""
 
 
+class RecordProblem(StudyError):
+    """One participant's record cannot be used; the text says why."""
+
+    def __init__(self, participant: str, problem: str) -> None:
+        self.participant = participant
+        super().__init__(problem)
+
+
 UTC = "ISO 8601 UTC"
 """The unit of a time of day; it is written as `utc_text` does."""
 YES_NO = "0/1"

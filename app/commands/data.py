@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from pathlib import Path
 from typing import Annotated
@@ -55,10 +56,11 @@ def erase(
     """
     from app.report import process as reporter
     from study.records import utc_text
-    from study.store import open_store
+    from study.store import SessionUnreadable, open_store
 
     with open_store(data, exclusive=True, must_exist=True, flow=flow_of(context)) as store:
-        store.session(participant)  # says so when there is none
+        with contextlib.suppress(SessionUnreadable):  # whoever cannot be read can be erased
+            store.session(participant)  # says so when there is none
         if not yes:
             raise LabError(f"{participant} would be erased for good; say --yes to do it")
         store.erase(participant, utc_text(time.time()))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
 import secrets
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -23,7 +23,7 @@ from app.monitoring.log_lines import about
 from app.monitoring.metrics import Metrics
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
-from app.session.interfaces import Enrolment, LabServices
+from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.guarded_distractor import GuardedDistractor
@@ -37,18 +37,22 @@ from app.worker.probes import prepared_scene, why_no_process
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
+from study.flow.distractors.interface import Distractor
+from study.flow.distractors.state import DistractorState
 from study.flow.flow import FLOW, Flow
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
 from study.records import EventRow, StudyError, utc_text
-from study.store import AsyncStore, Store, StoredSession, open_store
+from study.store import AsyncStore, SessionUnreadable, Store, StoredSession, open_store
 
 log = logging.getLogger(__name__)
 
 PROBE_EVERY_S = 2.0
 DESERTED_S = 600.0
 """A session without a page for this long gives its worker back; it comes back with its page."""
+MOST_OF_A_REASON = 300
+"""So many characters say why a session cannot be shown."""
 ROLES = ("participant", "panel")
 _ENDING = ("abort", "withdraw")
 """Commands after which nothing of a session runs any more: they work whatever became of its parts."""
@@ -66,6 +70,10 @@ class Invitation:
 
 class NoSuchParticipant(LabError):
     """An id that belongs to nobody."""
+
+
+class RecordUnreadable(LabError):
+    """What is stored of somebody's session cannot be read."""
 
 
 class StudyUnreadable(LabError):
@@ -113,6 +121,7 @@ class Lab:
         self._opening: dict[str, asyncio.Lock] = {}
         self._probe: asyncio.Task[None] | None = None
         self._health_watch: asyncio.Task[None] | None = None
+        self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
         self.metrics = Metrics(lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers)))
@@ -138,10 +147,13 @@ class Lab:
         self._robot = robot_facts(self.config.robot)
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
-            store.sessions()  # somebody may stand on a page that this flow has not
+            lost = [one for one in store.unreadable_sessions() if one.lacks_page]
         except StudyError:
             store.close()
             raise
+        if lost:
+            store.close()
+            raise StudyError(f"{lost[0].participant}: {lost[0].reason}")
         self._store = AsyncStore(store)
 
     async def open(self) -> None:
@@ -159,7 +171,9 @@ class Lab:
                 task.cancel()
                 await asyncio.gather(task, return_exceptions=True)
         await self.reporter.discard()
-        await asyncio.gather(*(session.close() for session in self._live.values()))
+        for one in await asyncio.gather(*(live.close() for live in self._live.values()), return_exceptions=True):
+            if isinstance(one, Exception):
+                log.error("a session could not be closed", exc_info=one)
         self._live.clear()
         if self._store is not None:
             await self._store.close()
@@ -198,7 +212,11 @@ class Lab:
             found = store.participant_for_token(digest)
             return None if found is None else (store.session(found[0]), found[1])
 
-        return await self.store.run(look_up)
+        try:
+            return await self.store.run(look_up)
+        except SessionUnreadable as error:
+            self.cannot_show(str(error).partition(":")[0], error)
+            return None
 
     async def place(self, token: str) -> tuple[str, Literal["participant", "panel"]] | None:
         """Which pages a link opens, as (public id, role); None if it opens none. Nothing comes to be by asking."""
@@ -306,7 +324,8 @@ class Lab:
         """
         utc = utc_text(self._now_unix_s())
         async with self._opening.setdefault(participant, asyncio.Lock()):
-            await self.stored_session(participant)
+            with contextlib.suppress(RecordUnreadable):  # whoever cannot be read can be erased
+                await self.stored_session(participant)
             live = self._live.pop(participant, None)
             if live is not None:
                 await live.close()
@@ -317,8 +336,16 @@ class Lab:
         return is_clean
 
     async def stored_sessions(self) -> tuple[StoredSession, ...]:
-        """Everyone, as stored."""
+        """Everyone whose session can be read, as stored."""
         return await self.store.run(lambda store: store.sessions())
+
+    def cannot_show(self, participant: str, error: Exception) -> str:
+        """Why somebody's session is not shown, for the line that stands for it. Logged when it is new."""
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:MOST_OF_A_REASON]
+        if self._not_shown.get(participant) != reason:
+            self._not_shown[participant] = reason
+            log.warning("a session cannot be shown", extra=about(participant=participant), exc_info=error)
+        return reason
 
     # ---- who looks on -------------------------------------------------------------------------------------------
 
@@ -326,7 +353,7 @@ class Lab:
         """The time, by the lab's clock."""
         return self._now_unix_s()
 
-    @contextmanager
+    @contextlib.contextmanager
     def watching(self, watcher: Callable[[str], None]) -> Iterator[None]:
         """Have `watcher(participant)` called whenever something about a participant may have changed.
 
@@ -387,9 +414,12 @@ class Lab:
         return session
 
     async def stored_session(self, participant: str) -> StoredSession:
-        """One participant, as stored. Raises `NoSuchParticipant`."""
+        """One participant, as stored. Raises `NoSuchParticipant`, and `RecordUnreadable` for what cannot be read."""
         try:
             return await self.store.run(lambda store: store.session(participant))
+        except SessionUnreadable as error:
+            self.cannot_show(participant, error)
+            raise RecordUnreadable(f"what is stored of {error}") from None
         except StudyError:
             raise NoSuchParticipant(f"no participant {participant!r}") from None
 
@@ -404,7 +434,7 @@ class Lab:
         plan = plan_session(study, stored.order, stored.seed)
         pace: Pace = "lockstep" if stored.pace == "lockstep" else "real_time"
         distractor = GuardedDistractor(setup.distractor.inner, TimeLimit)
-        where = await self.store.run(lambda store: resumed(store, stored, distractor))
+        where = await self._where(stored, distractor, to_end)
         ids = await self.store.run(lambda store: ids_among(store.identities(stored.participant)))
         enrolment = Enrolment(stored.participant, stored.public_id, plan, pace, stored.demo, ids)
         clock = SteadyClock(self._now_unix_s, not_before_unix_s=where.last_unix_s)
@@ -427,6 +457,16 @@ class Lab:
             flow=self.flow,
         )
         return LiveSession(enrolment, stored.session, where, services)
+
+    async def _where(self, stored: StoredSession, distractor: Distractor[Any], to_end: bool) -> Resumed:
+        """Where a session stood. A record that cannot be read keeps nobody from ending it."""
+        try:
+            return await self.store.run(lambda store: resumed(store, stored, distractor))
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+            reason = self.cannot_show(stored.participant, error)
+            if not to_end:
+                raise RecordUnreadable(f"what is stored of {stored.participant}: {reason}") from None
+            return Resumed(DistractorState(distractor))
 
     async def study_of(self, stored: StoredSession) -> Study:
         """The study a participant was enrolled in, even when the lab now runs another. Raises `StudyUnreadable`."""
@@ -500,10 +540,13 @@ class Lab:
     async def _probe_sessions(self) -> None:
         while True:
             await asyncio.sleep(PROBE_EVERY_S)
-            for session in tuple(self._live.values()):
-                session.check_worker()
-                if session.connected:
-                    session.probe()
+            for participant, session in tuple(self._live.items()):
+                try:
+                    session.check_worker()
+                    if session.connected:
+                        session.probe()
+                except Exception as error:  # the others are looked after all the same
+                    self.cannot_show(participant, error)
             await self.let_go(DESERTED_S)
 
     async def let_go(self, deserted_s: float) -> None:
@@ -516,4 +559,4 @@ class Lab:
                         log.info("a session nobody is connected to is put aside", extra=about(participant=participant))
 
 
-__all__ = ["Invitation", "Lab", "NoSuchParticipant", "StudyUnreadable"]
+__all__ = ["Invitation", "Lab", "NoSuchParticipant", "RecordUnreadable", "StudyUnreadable"]

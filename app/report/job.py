@@ -54,7 +54,7 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
             from study.analysis.figures import draw_all
             from study.analysis.report import write_drawn
 
-            data = load(package)
+            data = load(package, without_unusable=True)
             step(3)
             analysis = analyse(data)
         except StudyError as error:

@@ -33,12 +33,12 @@ from app.session.private_text import with_words
 from app.session.session import LiveSession
 from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
 from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
-from app.web.sessions_api import SessionReply, session_reply
+from app.web.sessions_api import Known, SessionReply, in_order_of_enrolment, session_reply, unreadable_reply
 from study.flow.page import Text
 from study.flow.protocol import Session
 from study.flow.recorded import data_of, kind_of
 from study.records import EventRow
-from study.store import StoredSession
+from study.store import StoredSession, UnreadableSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
@@ -111,8 +111,33 @@ class _Watch(BaseModel):
     """Whose session is open on the page; null for none."""
 
 
-def live_reply(lab: Lab, stored: StoredSession, label: str | None) -> LiveReply:
-    """What the dashboard shows of one session."""
+def live_reply(lab: Lab, known: Known, label: str | None) -> LiveReply:
+    """What the dashboard shows of one session; one that cannot be shown says so, and keeps nobody else from it."""
+    if isinstance(known, UnreadableSession):
+        return _unreadable(known, label, known.reason)
+    try:
+        return _live_reply(lab, known, label)
+    except Exception as error:
+        return _unreadable(known, label, lab.cannot_show(known.participant, error))
+
+
+def _unreadable(known: Known, label: str | None, reason: str) -> LiveReply:
+    return LiveReply(
+        **unreadable_reply(known, label, reason).model_dump(),
+        trial_s=None,
+        signals_per_s=0.0,
+        driving_share=None,
+        visible=None,
+        focused=None,
+        sound=None,
+        picture=None,
+        help=None,
+        instruction=None,
+        scene="The session cannot be shown.",
+    )
+
+
+def _live_reply(lab: Lab, stored: StoredSession, label: str | None) -> LiveReply:
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session
     connected = live.connected if live else False
@@ -147,7 +172,7 @@ def _no_scene(lab: Lab, stored: StoredSession, session: Session, live: LiveSessi
 class _Known:
     """What does not change about a participant while a dashboard is open."""
 
-    stored: StoredSession
+    stored: Known
     label: str | None
 
 
@@ -207,7 +232,12 @@ class Stream:
                 changed = await self._look_up()
                 refreshed_s = loop.time()
             await self._send_overview(changed, is_sign_of_life=due)
-            await self._send_watched()
+            try:
+                await self._send_watched()
+            except (WebSocketDisconnect, RuntimeError):
+                raise
+            except Exception as error:  # the overview goes on
+                await self._send_unshown(error)
             await asyncio.sleep(GAP_S)
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), max(0.0, refreshed_s + REFRESH_S - loop.time()))
@@ -217,8 +247,8 @@ class Stream:
         store = self._lab.store.store
 
         def read() -> dict[str, _Known]:
-            labels = store.labels()
-            return {stored.participant: _Known(stored, labels.get(stored.participant)) for stored in store.sessions()}
+            labels, everyone = store.labels(), in_order_of_enrolment(*store.everyone())
+            return {one.participant: _Known(one, labels.get(one.participant)) for one in everyone}
 
         self._known = await asyncio.to_thread(read)
         return set(self._known) | set(self._sent)
@@ -236,6 +266,12 @@ class Stream:
             del self._sent[participant]
         if lines or gone or is_sign_of_life:
             await self._send({"type": "overview", "sessions": lines, "gone": gone})
+
+    async def _send_unshown(self, error: Exception) -> None:
+        """That the open session cannot be shown, in place of its news."""
+        problem = self._lab.cannot_show(self._watched or "", error)
+        nothing = {"since_start": True, "ticks": [], "events": []}
+        await self._send({"type": "watched", "participant": self._watched, **nothing, "problem": problem})
 
     async def _send_watched(self) -> None:
         """What is new about the session that is open on the page."""

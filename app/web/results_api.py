@@ -118,7 +118,7 @@ def _line(row: TrialRow) -> VerdictLine:
         condition=row.condition,
         outcome=row.outcome,
         quality=row.quality,
-        broken=json.loads(row.quality_broken or "[]"),
+        broken=_sentences(row.quality_broken),
         override=row.quality_override,
         reason=row.quality_reason,
         round_trip_ms=row.round_trip_ms,
@@ -128,6 +128,15 @@ def _line(row: TrialRow) -> VerdictLine:
         pad_losses=row.pad_losses,
         unanswered_alerts=row.unanswered_alerts,
     )
+
+
+def _sentences(text: str | None) -> list[str]:
+    """The rules that were broken, as stored; what cannot be read is shown as it is."""
+    try:
+        found = json.loads(text or "[]")
+    except (ValueError, RecursionError):
+        found = None
+    return [str(one) for one in found] if isinstance(found, list) else [str(text)[:200]]
 
 
 @router.get("/quality")
@@ -181,7 +190,7 @@ async def summary(lab: TheLab, who: Experimenter) -> SummaryReply:
     """Trials by outcome, readings by what became of them, and mean questionnaire scores by condition."""
     studies = {}
     for stored in await lab.stored_sessions():
-        with contextlib.suppress(StudyUnreadable):  # nobody can say how theirs are scored
+        with contextlib.suppress(StudyUnreadable, StudyError):  # nobody can say how theirs are scored
             studies[stored.participant] = await lab.study_of(stored)
     return await asyncio.to_thread(summarise, lab.store.store, studies)
 
@@ -198,13 +207,13 @@ def summarise(store: Store, studies: Mapping[str, Study]) -> SummaryReply:
     completed: set[tuple[str, int | None]] = set()
     with store.snapshot() as recorded:
         for row in recorded.rows("trials"):
-            trials[row.outcome] += 1
+            trials[row.outcome] = trials.get(row.outcome, 0) + 1
             if row.outcome == "completed":
                 completed.add((row.participant, row.trial))
         for row in recorded.rows("alerts"):
-            alerts[row.status] += 1
+            alerts[row.status] = alerts.get(row.status, 0) + 1
         for row in recorded.rows("survey_answers"):
-            if (row.participant, row.trial) in completed and row.value.isdecimal():
+            if (row.participant, row.trial) in completed and row.value.isdecimal() and len(row.value) < 10:
                 answers[row.participant, row.condition, row.trial, row.instrument][row.item] = int(row.value)
     forms = {study.hash: {form.id: form for form in study.instruments} for study in studies.values()}
     scores: dict[tuple[str, str], list[float]] = defaultdict(list)

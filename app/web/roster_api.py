@@ -8,16 +8,17 @@ from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from app.lab.lab import Lab, NoSuchParticipant
+from app.lab.lab import Lab, NoSuchParticipant, RecordUnreadable
 from app.session.commands import Command, NotNow
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
 from app.web.qr_code import qr_svg
+from app.web.sessions_api import Known, in_order_of_enrolment, number_of
 from study.flow import roster
 from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.open_link import open_link
 from study.flow.page import Text
 from study.flow.roster import ACTS, Act, Enrolled
-from study.store import Store, StoredSession
+from study.store import Store, UnreadableSession
 
 PAGE = 50
 """Lines of the roster sent at once, unless asked otherwise."""
@@ -37,6 +38,7 @@ Show = Literal[
     "withdrawn",
     "aborted",
     "screened_out",
+    "unreadable",
 ]
 Reason = Annotated[Text, Field(pattern=r"\S")]
 
@@ -84,6 +86,8 @@ class RosterLine(BaseModel):
     """When they were enrolled, in UTC; null for a mark."""
     why_not: dict[str, str]
     """Act to the reason why it is not possible; "" when it is."""
+    problem: str | None = None
+    """Why this session cannot be read; null as a rule."""
 
 
 class RecruitmentReply(BaseModel):
@@ -174,21 +178,25 @@ class QrRequest(RequestBody):
 
 def enrolment(
     store: Store,
-) -> tuple[tuple[StoredSession, ...], dict[str, str], dict[str, dict[str, str]], tuple[tuple[str, str], ...]]:
+) -> tuple[list[Known], dict[str, str], dict[str, dict[str, str]], tuple[tuple[str, str], ...]]:
     """Everybody, their labels, the ids of their links and the marks of those erased: as many queries for a thousand
     as for one."""
-    return store.sessions(), store.labels(), store.link_ids(), store.erasures()
+    return in_order_of_enrolment(*store.everyone()), store.labels(), store.link_ids(), store.erasures()
 
 
-def _enrolled(lab: Lab, stored: StoredSession) -> Enrolled:
-    live = lab.live_session(stored.participant)
-    session = live.session if live else stored.session
-    return Enrolled(stored.participant, stored.kind, session.state, stored.order, stored.rejected)
+def _enrolled(lab: Lab, known: Known) -> Enrolled:
+    if isinstance(known, UnreadableSession):
+        return Enrolled(known.participant, known.kind, "unreadable", (), False, known.reason)
+    live = lab.live_session(known.participant)
+    session = live.session if live else known.session
+    return Enrolled(known.participant, known.kind, session.state, known.order, known.rejected)
 
 
 async def _one(lab: Lab, participant: str) -> Enrolled:
     try:
         return _enrolled(lab, await lab.stored_session(participant))
+    except RecordUnreadable as error:
+        return Enrolled(participant, "study", "unreadable", (), False, str(error))
     except NoSuchParticipant as error:
         raise HTTPException(404, str(error)) from None
 
@@ -223,15 +231,16 @@ async def read_roster(
             order=list(one.order),
             rejected=one.rejected,
             erased_utc=None,
-            created_utc=session.created_utc,
+            created_utc=known.created_utc,
             why_not={act: roster.why_not(act, one) for act in ACTS},
+            problem=one.problem or None,
         )
-        for name, (one, session) in people.items()
+        for name, (one, known) in people.items()
         if roster.matches(one, " ".join([labels.get(name, ""), *ids.get(name, {}).values()]), show, search)
     ]
     if show in ("all", "erased"):
         lines += [_mark(name, utc) for name, utc in erasures if search.strip().lower() in name.lower()]
-    lines.sort(key=lambda line: (int(line.participant[1:]), line.participant), reverse=True)
+    lines.sort(key=lambda line: number_of(line.participant), reverse=True)
     everyone = [one for one, _ in people.values()]
     study = lab.setup.study
     return RosterReply(

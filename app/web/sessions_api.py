@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import itertools
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from fastapi import APIRouter, FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse
@@ -22,7 +23,7 @@ from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.page import Text
 from study.flow.roster import EnrolmentKind
-from study.store import StoredSession
+from study.store import StoredSession, UnreadableSession
 
 MAX_INVITATIONS = 200
 
@@ -125,6 +126,9 @@ class SessionReply(BaseModel):
     """Events of the protocol that are possible now."""
     why_not: dict[str, str]
     """Act of an experimenter to the reason why it is not possible now; "" when it is."""
+    problem: str | None = None
+    """Why this session cannot be shown: its state is then `unreadable`, and nothing else here says anything of it. Null
+    as a rule."""
 
 
 class CommandRequest(RequestBody):
@@ -173,13 +177,74 @@ async def invite(body: InviteRequest, lab: TheLab, who: Experimenter) -> InviteR
 
 @private.get("/sessions")
 async def sessions(lab: TheLab, who: Experimenter) -> list[SessionReply]:
-    """Every session, demo included, in order of enrolment."""
-    stored = await lab.stored_sessions()
-    labels = await lab.store.run(lambda store: store.labels())
-    return [session_reply(lab, item, labels.get(item.participant)) for item in stored]
+    """Every session, demo included, in order of enrolment; one that cannot be shown says so."""
+    (stored, unreadable), labels = await lab.store.run(lambda store: (store.everyone(), store.labels()))
+    return [
+        session_reply(lab, item, labels.get(item.participant)) for item in in_order_of_enrolment(stored, unreadable)
+    ]
 
 
-def session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
+Known: TypeAlias = StoredSession | UnreadableSession
+"""Somebody in a list of all."""
+
+
+def in_order_of_enrolment(stored: Iterable[StoredSession], unreadable: Iterable[UnreadableSession]) -> list[Known]:
+    """Everybody in one list, by the number in their id."""
+    return sorted((*stored, *unreadable), key=lambda one: number_of(one.participant))
+
+
+def number_of(participant: str) -> tuple[int, str]:
+    """What participants are sorted by: the number in their id."""
+    digits = participant[1:]
+    return (int(digits) if digits.isascii() and digits.isdecimal() and len(digits) < 19 else 0, participant)
+
+
+def session_reply(lab: Lab, known: Known, label: str | None) -> SessionReply:
+    """What the experimenter sees of one session: a line of many, which never keeps the others from being seen."""
+    if isinstance(known, UnreadableSession):
+        return unreadable_reply(known, label, known.reason)
+    try:
+        return _session_reply(lab, known, label)
+    except Exception as error:
+        return unreadable_reply(known, label, lab.cannot_show(known.participant, error))
+
+
+def unreadable_reply(known: Known, label: str | None, reason: str) -> SessionReply:
+    """The line of a session that cannot be shown. One that is stored well can still be ended."""
+    ends = ("abort", "withdraw") if isinstance(known, StoredSession) else ()
+    return SessionReply(
+        participant=known.participant,
+        label=label,
+        demo=known.kind == "demo",
+        kind=known.kind,
+        state="unreadable",
+        place="unreadable",
+        causes=[],
+        pause_reason=None,
+        trial=1,
+        trials=0,
+        condition="",
+        order=[],
+        pace="",
+        connected=False,
+        panel_connected=False,
+        panel_missing=False,
+        held=False,
+        help_wanted=False,
+        done_tasks=None,
+        tasks=None,
+        round_trip_ms=None,
+        overruns=0,
+        frees=0,
+        device=None,
+        created_utc=known.created_utc,
+        allowed=[],
+        why_not={act: "" if act in ends else f"The session cannot be shown: {reason}" for act in ACTS},
+        problem=reason,
+    )
+
+
+def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> SessionReply:
     """What the experimenter sees of one session."""
     live = lab.live_session(stored.participant)
     session = live.session if live else stored.session

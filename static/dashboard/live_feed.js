@@ -16,6 +16,7 @@ import { socketUrl } from "../common/root.js";
  * @property {boolean} since_start
  * @property {TickExplanation[]} ticks
  * @property {SessionEvent[]} events
+ * @property {string} [problem] why there are none: they cannot be shown
  */
 /** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[] }} Overview */
 

@@ -159,10 +159,8 @@ export class SessionPage {
     const condition = session.condition.replaceAll("_", " ");
     const task = session.tasks ? ` · task ${taskWords(session.done_tasks, session.tasks)}` : "";
     const help = session.help_wanted ? ` · asks for help${session.help?.words ? `: “${session.help.words}”` : ""}` : "";
-    setText(
-      this.state,
-      `${stateText} · trial ${session.trial} of ${session.trials}, condition ${condition}${task}${help}`,
-    );
+    const where = `${stateText} · trial ${session.trial} of ${session.trials}, condition ${condition}${task}${help}`;
+    setText(this.state, session.problem ? `${stateText}: ${session.problem}` : where);
     setText(this.instruction, session.instruction ? `Instruction: ${session.instruction}` : "");
     const reasons = [];
     for (const { element, label, name } of [...this.commands, ...this.remarks]) {
@@ -186,7 +184,8 @@ export class SessionPage {
    * @param {Watched} news
    * @returns {void}
    */
-  hear({ since_start, ticks, events }) {
+  hear({ since_start, ticks, events, problem }) {
+    if (problem) setText(this.state, `Cannot be shown: ${problem}`);
     if (since_start) {
       this.ticks = [];
       this.events = [];

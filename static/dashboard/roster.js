@@ -29,6 +29,7 @@ const SHOW = [
   ["withdrawn", "Withdrawn"],
   ["aborted", "Aborted"],
   ["screened_out", "Screened out"],
+  ["unreadable", "Cannot be read"],
   ["erased", "Erased"],
 ];
 const COUNTED = {
@@ -39,6 +40,7 @@ const COUNTED = {
   withdrawn: "withdrawn",
   aborted: "aborted",
   screened_out: "screened out",
+  unreadable: "cannot be read",
   pilot: "pilots",
   demo: "demos",
   erased: "erased",
@@ -50,6 +52,7 @@ const SIGNS = {
   withdrawn: "hand",
   aborted: "warning",
   screened_out: "hand",
+  unreadable: "warning",
   erased: "hourglass",
 };
 /** @type {Record<string, string>} */
@@ -196,6 +199,7 @@ export class Roster {
     setText(
       this.counts,
       Object.entries(COUNTED)
+        .filter(([key]) => key !== "unreadable" || (roster.counts[key] ?? 0) > 0)
         .map(([key, words]) => `${roster.counts[key]} ${words}`)
         .join(" · "),
     );
@@ -255,7 +259,7 @@ export class Roster {
    * @returns {HTMLTableRowElement}
    */
   _line(line) {
-    const state = line.rejected ? "rejected" : line.state.replaceAll("_", " ");
+    const state = line.problem ? "cannot be read" : line.rejected ? "rejected" : line.state.replaceAll("_", " ");
     const name = [line.participant, line.label && `· ${line.label}`].filter(Boolean).join(" ");
     const ids = Object.entries(line.ids)
       .filter(([, value]) => value !== line.label)
@@ -267,7 +271,12 @@ export class Roster {
       { data: { participant: line.participant, testid: "roster-row", kind: line.kind } },
       h("th", { scope: "row" }, name, ids.length > 0 && h("small", { class: "ids" }, ids)),
       h("td", {}, kind === "the study" || kind === "–" ? kind : h("span", { class: "badge" }, kind)),
-      h("td", { data: { column: "state" } }, h("span", { class: "mark-line" }, sign && icon(sign), state)),
+      h(
+        "td",
+        { data: { column: "state" } },
+        h("span", { class: "mark-line" }, sign && icon(sign), state),
+        line.problem && h("small", {}, line.problem),
+      ),
       h("td", {}, line.order.join(" → ") || "–"),
       h("td", {}, day(line.erased_utc ?? line.created_utc)),
       h(

@@ -29,6 +29,7 @@ const STATES = {
   aborted: "Aborted",
   eligibility: "Device check",
   screened_out: "Screened out",
+  unreadable: "Cannot be shown",
 };
 /** @type {Record<string, [sign: IconName, level: Level]>} */
 const LEVELS = {
@@ -39,6 +40,7 @@ const LEVELS = {
   withdrawn: ["hand", "warn"],
   aborted: ["warning", "bad"],
   screened_out: ["hand", "warn"],
+  unreadable: ["warning", "bad"],
 };
 /** @type {Record<string, string>} */
 const CAUSES = {
@@ -49,6 +51,7 @@ const CAUSES = {
 };
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
 const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
+WITHOUT_TRIAL.add("unreadable");
 const BUTTONS = COMMANDS.filter(({ name }) => ["pause", "resume", "abort"].includes(name)); // the others are on the page of the session
 /** @type {Record<string, string>} */
 const SHORT = { abort: "Abort" };
@@ -70,6 +73,7 @@ export function stateWords(state) {
  * @returns {[sign: IconName, text: string, level: Level]}
  */
 function connectionOf(session) {
+  if (session.problem) return ["warning", "–", ""];
   if (OVER.has(session.state)) return ["check", "–", ""];
   if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
   if (session.connected && session.picture === false) return ["warning", "Their browser shows no robot", "bad"];
@@ -84,6 +88,7 @@ function connectionOf(session) {
  * @returns {string}
  */
 function remarks(session) {
+  if (session.problem) return session.problem;
   const list = [];
   if (session.causes.length)
     list.push(

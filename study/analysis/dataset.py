@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from study.definition.toml_reader import parse_toml
 from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
 from study.flow.recorded import ARM_FREED
-from study.records import AlertRow, EventRow, ParticipantRow, StudyError, TaskRow, TrialRow
+from study.records import AlertRow, EventRow, ParticipantRow, RecordProblem, StudyError, TaskRow, TrialRow
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",
@@ -145,21 +145,39 @@ class DataSet:
     quality: Quality = field(kw_only=True)
 
 
-def load(folder: Path | str) -> DataSet:
+def load(folder: Path | str, *, without_unusable: bool = False) -> DataSet:
     """Read and measure an export (of `salab export` or `salab simulate`).
+
+    `without_unusable`: participants whose record cannot be used are left out, and the notes say who and why; otherwise
+    they are an error as everything else is.
 
     Raises `StudyError` with one sentence for a folder that is none, a foreign schema version, missing columns, bad
     cells, demo data alone, no completed trial, or one condition alone.
     """
-    folder = Path(folder)
+    left_out: dict[str, str] = {}
+    while True:
+        try:
+            return _loaded(Path(folder), left_out)
+        except RecordProblem as problem:
+            if not without_unusable or problem.participant in left_out:
+                raise
+            left_out[problem.participant] = str(problem)
+
+
+def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
     if not folder.is_dir():
         raise AnalysisError(f"{folder}: no such folder; give the folder that `salab export` or `salab simulate` wrote")
     meta = read_meta(folder)
     everyone: list[ParticipantRow] = read_table(folder, "participants")
-    people = _analysed(folder, everyone)
+    unwritten = [name for names in meta.get("unwritten_rows", {}).values() for name in names]
+    for name in unwritten:
+        if name not in left_out:
+            raise RecordProblem(name, f"{folder}: rows of participant {name} could not be exported; meta.json has more")
+    people = [row for row in _analysed(folder, everyone) if row.participant not in left_out]
     names = {row.participant for row in people}
     all_trials: list[TrialRow] = [row for row in read_table(folder, "trials") if row.participant in names]
     studies, notes = _studies(folder, meta)
+    notes += [f"{name} is left out, whose record cannot be used: {problem}." for name, problem in left_out.items()]
     completed = [row for row in all_trials if row.outcome == "completed"]
     trials = _not_excluded(folder, completed, studies, notes)
     if not trials:
@@ -275,16 +293,18 @@ def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> 
     with_tasks = {(row.participant, row.trial) for row in tasks}
     without = [row for row in trials if (row.participant, row.trial) not in with_tasks]
     if without:
-        raise AnalysisError(
+        raise RecordProblem(
+            without[0].participant,
             f"{folder / 'tasks.csv'}: no tasks of participant {without[0].participant}, trial {without[0].trial}, "
-            "which was completed; export the data again"
+            "which was completed; export the data again",
         )
     conditions = {(row.participant, row.trial): row.condition for row in trials}
     for task in tasks:
         if task.condition != conditions[task.participant, task.trial]:
-            raise AnalysisError(
+            raise RecordProblem(
+                task.participant,
                 f"{folder / 'tasks.csv'}: participant {task.participant}, trial {task.trial} is {task.condition} there "
-                f"and {conditions[task.participant, task.trial]} in trials.csv; export the data again"
+                f"and {conditions[task.participant, task.trial]} in trials.csv; export the data again",
             )
 
 
@@ -332,9 +352,10 @@ def _parameters(trials: list[TrialRow]) -> tuple[dict[str, tuple[dict[str, Any],
         except ValueError:
             parameters = None
         if not isinstance(parameters, dict):
-            raise AnalysisError(
+            raise RecordProblem(
+                row.participant,
                 f"participant {row.participant}, trial {row.trial}: parameters are not a JSON object; "
-                "export the data again"
+                "export the data again",
             )
         found.setdefault(row.condition, {})[json.dumps(parameters, sort_keys=True)] = parameters
     notes = [

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Literal, Protocol
 
-from study.records import StudyError, TaskRow
+from study.records import RecordProblem, TaskRow
 
 WINDOW_TICKS = 5
 """Shortest window: 2.5 s (paper IV-C.1)."""
@@ -194,13 +194,16 @@ def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
         for task, found_ticks in of_task.items():
             name = (participant, trial, task)
             if name in measured:
-                raise StudyError(
-                    f"{_place(wanted[name])}: its ticks are not together; sort them by participant, trial, tick"
+                raise RecordProblem(
+                    participant,
+                    f"{_place(wanted[name])}: its ticks are not together; sort them by participant, trial, tick",
                 )
             measured[name] = measure_task(wanted[name], found_ticks)
     for key, row in wanted.items():
         if key not in measured:
-            raise StudyError(f"{_place(row)}: outcome {row.outcome}, but it has no ticks; export the data again")
+            raise RecordProblem(
+                row.participant, f"{_place(row)}: outcome {row.outcome}, but it has no ticks; export the data again"
+            )
     found = [measured[key] for key in wanted]
     return Measures(
         tasks=tuple(task for task, _ in found),
@@ -212,12 +215,15 @@ def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
 def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures, tuple[WindowMeasures, ...]]:
     """One task and its windows. `ticks` are the ticks of this task, in order."""
     if any(later.tick <= earlier.tick for earlier, later in pairwise(ticks)):
-        raise StudyError(f"{_place(row)}: its ticks are out of order; sort them by participant, trial, tick")
+        raise RecordProblem(
+            row.participant,
+            f"{_place(row)}: its ticks are out of order; sort them by participant, trial, tick",
+        )
     try:
         beliefs = _beliefs(ticks)
-    except (ValueError, TypeError, AttributeError):
-        raise StudyError(
-            f"{_place(row)}: a belief is not JSON of goal id to probability; export the data again"
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        raise RecordProblem(
+            row.participant, f"{_place(row)}: a belief is not JSON of goal id to probability; export the data again"
         ) from None
     analysed = row.kind == "pickup" or row.outcome == "success"
     task = TaskMeasures(
@@ -334,7 +340,10 @@ def _window(
     before = beliefs[stop - 1]
     entropy = ticks[stop - 1].entropy
     if not math.isfinite(entropy):
-        raise StudyError(f"{_place(row)}: the entropy of tick {ticks[stop - 1].tick} is {entropy}; it must be 0 to 1")
+        raise RecordProblem(
+            row.participant,
+            f"{_place(row)}: the entropy of tick {ticks[stop - 1].tick} is {entropy}; it must be 0 to 1",
+        )
     gain: float | None = None
     if ended_by == "user":
         after = beliefs[stop]

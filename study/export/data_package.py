@@ -168,12 +168,16 @@ class ParquetTable:
     def __exit__(self, *_: object) -> None:
         self._writer.close()
 
-    def add(self, cells: Sequence[Sequence[Any]]) -> None:
-        """The next rows, column by column: values or None. Raises `ValueError` for a time of day that is none."""
-        arrays = [
+    def arrays(self, cells: Sequence[Sequence[Any]]) -> list[pa.Array]:
+        """The next rows, column by column: values or None. Raises `ValueError` for a time of day that is none, and
+        `OverflowError` or `TypeError` for a value that is not of its column's type."""
+        return [
             pa.array(map(_time, column) if info.unit == UTC else column, type=field.type)
             for info, field, column in zip(self._infos, self._schema, cells, strict=True)
         ]
+
+    def add(self, arrays: Sequence[pa.Array]) -> None:
+        """Write what `arrays` has made."""
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
 

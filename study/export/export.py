@@ -244,19 +244,30 @@ def _write(
     head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": WORDS}
     # First of all, so that an export that is interrupted can be recognised and done again.
     _put(folder, META_NAME, json.dumps({**head, "complete": False}) + "\n")
-    counts = {table: _write_table(folder, table, tables.get(table, ())) for table in TABLES}
+    unwritten: dict[str, dict[str, int]] = {}
+    counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten) for table in TABLES}
     written = [f"{table}.{extension}" for extension in ("csv", "parquet") for table in TABLES]
     with (folder / "codebook.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_codebook_lines())
     texts = {"study.toml" if len(studies) == 1 else f"study-{key[:12]}.toml": text for key, text in studies.items()}
     if len(studies) > 1:
         texts["study.toml"] = list(studies.values())[-1]
-    data = {key: parse_toml(text.encode(), f"study {key[:12]}")[0] for key, text in studies.items()}
-    told = {"studies": {key: asked(study) for key, study in data.items()}}
+    data, questions, unreadable = {}, {}, []
+    for key, text in studies.items():
+        try:
+            data[key] = parse_toml(text.encode(), f"study {key[:12]}")[0]
+            questions[key] = asked(data[key])
+        except (StudyError, TypeError, KeyError, AttributeError, UnicodeEncodeError):
+            unreadable.append(key)  # what was stored of it has been damaged; the data are as they are
+    told = {"studies": questions}
     texts["questionnaires.json"] = json.dumps(told, indent=2, ensure_ascii=False) + "\n"
     for name, text in texts.items():
         _put(folder, name, text)
     complete = {**head, "complete": True, "rows": counts, "studies": list(studies), **meta}
+    if unwritten:
+        complete["unwritten_rows"] = unwritten
+    if unreadable:
+        complete["unreadable_studies"] = unreadable
     meta_json = json.dumps(complete, indent=2, sort_keys=True) + "\n"
     titles = {str(study.get("title")): None for study in data.values()}
     title = "; ".join(titles) or "No participants yet"
@@ -269,8 +280,12 @@ def _put(folder: Path, name: str, text: str) -> None:
     (folder / name).write_text(text, encoding="utf-8", newline="")
 
 
-def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
-    """Write the rows as CSV and Parquet while they stream by; how many there were."""
+def _write_table(folder: Path, table: str, rows: Iterable[Any], unwritten: dict[str, dict[str, int]]) -> int:
+    """Write the rows as CSV and Parquet while they stream by; how many there were.
+
+    A row that cannot be is left out, so that it takes nobody else's with it: `unwritten` counts them by table and
+    participant, and `meta.json` says so.
+    """
     row_type = TABLES[table]
     infos = columns(table)
     names, casts = [info.name for info in infos], [(_AS_IT_IS if info.words else _WRITERS)[info.type] for info in infos]
@@ -285,16 +300,50 @@ def _write_table(folder: Path, table: str, rows: Iterable[Any]) -> int:
             for row in batch:
                 if not isinstance(row, row_type):
                     raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
-            # Through the column's own type, so that a numpy number or a bool is written as the number it is.
-            cells = [
-                [None if value is None else cast(value) for value in column]
-                for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)
-            ]
+            try:
+                cells = _cells(batch, fields, casts)
+                arrays = parquet.arrays(cells)
+            except _NOT_WRITTEN:
+                batch = list(_writable(batch, fields, casts, parquet, unwritten.setdefault(table, {})))
+                if not batch:
+                    continue
+                cells = _cells(batch, fields, casts)
+                arrays = parquet.arrays(cells)
             shown = [_words(column) if info.words else column for info, column in zip(infos, cells, strict=True)]
             lines.writerows(zip(*shown, strict=True))
-            parquet.add(cells)
+            parquet.add(arrays)
             count += len(batch)
     return count
+
+
+_NOT_WRITTEN = (ValueError, TypeError, OverflowError)
+"""What comes of a cell that is not what its column holds: the file was damaged, or somebody has been at it."""
+
+
+def _cells(batch: list[Any], fields: Callable[[Any], tuple[Any, ...]], casts: list[Any]) -> list[list[Any]]:
+    """The rows column by column, each value through the column's own type, so that a numpy number or a bool is written
+    as the number it is."""
+    return [
+        [None if value is None else cast(value) for value in column]
+        for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)
+    ]
+
+
+def _writable(
+    batch: list[Any],
+    fields: Callable[[Any], tuple[Any, ...]],
+    casts: list[Any],
+    parquet: ParquetTable,
+    unwritten: dict[str, int],
+) -> Iterator[Any]:
+    for row in batch:
+        try:
+            parquet.arrays(_cells([row], fields, casts))
+        except _NOT_WRITTEN:
+            name = str(row.participant)
+            unwritten[name] = unwritten.get(name, 0) + 1
+        else:
+            yield row
 
 
 def _words(column: list[Any]) -> list[str | None]:

@@ -19,7 +19,7 @@ from study.definition.study import Study
 from study.definition.toml_reader import closest
 from study.flow.typed_number import Asked, Flaw, flaw_of, number_of, sentence
 from study.language.words import ENGLISH, Words
-from study.records import StudyError, SurveyAnswerRow
+from study.records import RecordProblem, StudyError, SurveyAnswerRow
 
 MAX_TEXT_CHARACTERS = 4000
 """Of anything that is typed freely, counted as Unicode characters; the pages are told."""
@@ -293,9 +293,10 @@ def survey_scores(
             continue
         items = given.setdefault((answer.participant, answer.condition, answer.trial, answer.instrument), {})
         if answer.item in items:
-            raise StudyError(
+            raise RecordProblem(
+                answer.participant,
                 f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} "
-                "is answered twice; keep one of the rows"
+                "is answered twice; keep one of the rows",
             )
         items[answer.item] = _point(answer)
     scores = []
@@ -303,7 +304,7 @@ def survey_scores(
         try:
             value = score((own or {}).get(instrument, instrument), items)
         except StudyError as error:
-            raise StudyError(f"participant {participant}, trial {trial}: {error}") from None
+            raise RecordProblem(participant, f"participant {participant}, trial {trial}: {error}") from None
         scores.append(SurveyScore(participant, condition, trial, instrument, value))
     return tuple(scores)
 
@@ -312,7 +313,8 @@ def _point(answer: SurveyAnswerRow) -> int:
     try:
         return int(answer.value)
     except ValueError:
-        raise StudyError(
+        raise RecordProblem(
+            answer.participant,
             f"participant {answer.participant}, trial {answer.trial}: {answer.instrument}.{answer.item} is "
-            f"{answer.value!r}; it must be a whole number"
+            f"{answer.value!r}; it must be a whole number",
         ) from None

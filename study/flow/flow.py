@@ -54,6 +54,19 @@ DONE: State = "done"
 NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
+_STORED_TYPES: Mapping[str, Any] = {
+    **dict.fromkeys(("participant", "state"), str),
+    **dict.fromkeys(("trials", "trial"), int),
+    **dict.fromkeys(("resume_to", "outcome", "reason"), (str, type(None))),
+    "since_s": (int, float),
+}
+"""What the fields of a stored session are."""
+
+
+class NoSuchPage(StudyError):
+    """A stored session stands on a page that the flow has not."""
+
+
 class ReasonData(StepData):
     """Free words, if any."""
 
@@ -238,12 +251,19 @@ class Flow:
         return session, (StartWorker(*session.worker),) if session.worker else ()
 
     def from_json(self, text: str) -> Session:
-        """The session of `study.flow.protocol.to_json`; raises `StudyError` naming the field that cannot be."""
+        """The session of `study.flow.protocol.to_json`; raises `StudyError` naming the field that cannot be, and
+        `NoSuchPage` where it stands on a page that this flow has not."""
         try:
             fields: dict[str, Any] = json.loads(text)
             session = Session(**{**fields, "causes": frozenset(fields["causes"]), "skips": frozenset(fields["skips"])})
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise StudyError(f"not a stored session: {error}; stored is {text[:200]!r}") from None
+        for field, types in _STORED_TYPES.items():
+            value = getattr(session, field)
+            if not isinstance(value, types) or isinstance(value, bool):
+                raise StudyError(f"a stored session: {field} = {str(value)[:60]!r} cannot be")
+        if not all(isinstance(one, str) for one in (*session.causes, *session.skips)):
+            raise StudyError("a stored session: causes and skips must be names")
         checks: tuple[tuple[str, object, bool], ...] = (
             ("state", session.state, session.state in self.states),
             ("trial", session.trial, 1 <= session.trial <= session.trials),
@@ -256,8 +276,10 @@ class Flow:
         )
         for field, value, fits in checks:
             if not fits:
-                pages = f"; pages are {', '.join(self.states)}" if field in ("state", "resume_to") else ""
-                raise StudyError(f"stored session of {session.participant!r}: {field} = {value!r} cannot be{pages}")
+                problem = f"stored session of {session.participant!r}: {field} = {value!r} cannot be"
+                if field in ("state", "resume_to") and value is not None and value not in self.states:
+                    raise NoSuchPage(f"{problem}; pages are {', '.join(self.states)}")
+                raise StudyError(problem)
         return session
 
     # ---- the way ----------------------------------------------------------------------------------------------------

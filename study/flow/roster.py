@@ -22,10 +22,12 @@ class Enrolled:
     """One participant, as far as counterbalancing and the buttons are concerned."""
 
     participant: str
-    kind: EnrolmentKind
+    kind: str
     state: str
     order: tuple[str, ...]
     rejected: bool
+    problem: str = ""
+    """Why what is stored of them cannot be read; "" when it can."""
 
     @property
     def holds_cell(self) -> bool:
@@ -34,7 +36,7 @@ class Enrolled:
 
     @property
     def cell(self) -> Cell:
-        """How far the cell is filled."""
+        """How far the cell is filled; of somebody who cannot be read nobody knows that they are not under way."""
         if self.state == "done":
             return "done"
         return "waiting" if self.state in BEFORE_CONSENT else "under_way"
@@ -64,6 +66,8 @@ def grid(study: Study, everyone: Iterable[Enrolled]) -> tuple[GridRow, ...]:
 
 def why_not(act: Act, one: Enrolled) -> str:
     """Why this cannot be done now, or "" when it can."""
+    if one.problem and act != "erase":
+        return f"What is stored of them cannot be read: {one.problem}"
     if act == "reject":
         if one.kind != "study":
             return f"A {one.kind} participant holds no cell that could be given out again."
@@ -83,11 +87,18 @@ def why_not(act: Act, one: Enrolled) -> str:
 def counts(everyone: Iterable[Enrolled]) -> Mapping[str, int]:
     """Participants of the study by what became of them: waiting, under_way, done, rejected, and the ends that give
     a cell back."""
-    found = dict.fromkeys(("waiting", "under_way", "done", "rejected", *sorted(FREES_CELL)), 0)
+    found = dict.fromkeys(("waiting", "under_way", "done", "rejected", *sorted(FREES_CELL), "unreadable"), 0)
     for one in everyone:
-        if one.kind == "study":
-            found["rejected" if one.rejected else one.state if one.state in FREES_CELL else one.cell] += 1
+        if one.kind == "study" or one.problem:
+            found[group(one)] += 1
     return found
+
+
+def group(one: Enrolled) -> str:
+    """The counted group that somebody is in."""
+    if one.problem:
+        return "unreadable"
+    return "rejected" if one.rejected else one.state if one.state in FREES_CELL else one.cell
 
 
 def matches(one: Enrolled, noted: str, show: str, search: str) -> bool:
@@ -95,8 +106,7 @@ def matches(one: Enrolled, noted: str, show: str, search: str) -> bool:
 
     `show` is all, a kind, or one of the counted groups.
     """
-    group = "rejected" if one.rejected else one.state if one.state in FREES_CELL else one.cell
-    if show not in ("all", one.kind, group):
+    if show not in ("all", one.kind, group(one)):
         return False
     wanted = search.strip().lower()
     return not wanted or wanted in one.participant.lower() or wanted in noted.lower()

@@ -25,7 +25,17 @@ from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKin
 from study.store.fingerprint import machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
-from study.store.values import Batch, ConsentGiven, Cycle, Identity, StoredSession, StoreError, Submission
+from study.store.values import (
+    Batch,
+    ConsentGiven,
+    Cycle,
+    Identity,
+    SessionUnreadable,
+    StoredSession,
+    StoreError,
+    Submission,
+    UnreadableSession,
+)
 from study.store.verification import verify_data
 
 __all__ = [
@@ -35,6 +45,7 @@ __all__ = [
     "ConsentGiven",
     "Cycle",
     "Identity",
+    "SessionUnreadable",
     "Snapshot",
     "Store",
     "StoreError",
@@ -43,6 +54,7 @@ __all__ = [
     "Submission",
     "Trouble",
     "TroubleKind",
+    "UnreadableSession",
     "machine_fingerprint",
     "open_store",
     "verify_data",

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.definition.study import Study, next_order
-from study.flow.flow import Flow
+from study.flow.flow import Flow, NoSuchPage
 from study.flow.open_link import IDENTITY_PREFIX, ids_among
 from study.flow.protocol import FREES_CELL, to_json
 from study.flow.roster import EnrolmentKind
-from study.records import SCHEMA_VERSION, ParticipantRow
+from study.records import SCHEMA_VERSION, ParticipantRow, StudyError
 from study.store import ledger
 from study.store.rows import add, clean_text, insert, update
 from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
-from study.store.values import StoredSession
+from study.store.values import StoredSession, UnreadableSession
 
 ID_LETTER: Mapping[EnrolmentKind, str] = {"study": "P", "pilot": "T", "demo": "D"}
 """What ids begin with: P for participants, T for trial runs, D for demos."""
 ORDER_SEPARATOR = ">"
+MOST_OF_A_REASON = 300
+"""So many characters say why something cannot be read."""
 
 
 def enrol(
@@ -107,28 +110,44 @@ def free_cell(connection: sql.Connection, participant: str) -> bool:
 
 
 def stored_sessions(
-    connection: sql.Connection, flow: Flow, *, participant: str | None = None, public_id: str | None = None
-) -> tuple[StoredSession, ...]:
-    """Everyone of this id or public id, in order of enrolment."""
+    connection: sql.Connection, flow: Flow, *, participant: str | None = None
+) -> tuple[tuple[StoredSession, ...], tuple[UnreadableSession, ...]]:
+    """Everyone, or who has this id, in order of enrolment: those whose session can be read, and the others."""
     query = sql.select(SESSIONS).order_by(SESSIONS.c.number)
     if participant is not None:
         query = query.where(SESSIONS.c.participant == participant)
-    if public_id is not None:
-        query = query.where(SESSIONS.c.public_id == public_id)
-    return tuple(
-        StoredSession(
-            participant=row.participant,
-            public_id=row.public_id,
-            session=flow.from_json(row.session),
-            order=tuple(row.condition_order.split(ORDER_SEPARATOR)),
-            kind=row.kind,
-            pace=row.pace,
-            study_hash=row.study_hash,
-            seed=row.seed,
-            created_utc=row.created_utc,
-            rejected=bool(row.rejected),
-        )
-        for row in connection.execute(query)
+    read, unreadable = [], []
+    for row in connection.execute(query):
+        try:
+            read.append(_stored(row, flow))
+        except (StudyError, TypeError, ValueError, AttributeError) as error:
+            lacks_page = isinstance(error, NoSuchPage)
+            told = (str(row.participant), str(row.kind), str(row.created_utc))
+            unreadable.append(UnreadableSession(*told, str(error)[:MOST_OF_A_REASON], lacks_page))
+    return tuple(read), tuple(unreadable)
+
+
+def _stored(row: Any, flow: Flow) -> StoredSession:
+    session, order = flow.from_json(row.session), tuple(row.condition_order.split(ORDER_SEPARATOR))
+    if session.participant != row.participant:
+        raise StudyError(f"what is stored is the session of {session.participant!r}")
+    if session.trials != len(order):
+        raise StudyError(f"it has {session.trials} trials, and its order {len(order)} conditions")
+    if row.kind not in ID_LETTER:
+        raise StudyError(f"it is enrolled for {row.kind!r}; there are {', '.join(ID_LETTER)}")
+    if not isinstance(row.seed, int):
+        raise StudyError(f"its seed is {str(row.seed)[:60]!r}, must be a whole number")
+    return StoredSession(
+        participant=row.participant,
+        public_id=row.public_id,
+        session=session,
+        order=order,
+        kind=row.kind,
+        pace=row.pace,
+        study_hash=row.study_hash,
+        seed=row.seed,
+        created_utc=row.created_utc,
+        rejected=bool(row.rejected),
     )
 
 

@@ -5,8 +5,8 @@ Every method that writes is one transaction and is on disk when it returns. A `S
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +18,7 @@ from study.store import erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database
 from study.store.rescue import copy_out
 from study.store.snapshot import Snapshot
-from study.store.values import Batch, Cycle, StoredSession, StoreError
+from study.store.values import Batch, Cycle, SessionUnreadable, StoredSession, StoreError, UnreadableSession
 
 
 def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False, flow: Flow = FLOW) -> Store:
@@ -113,15 +113,27 @@ class Store:
         return self.session(participant)
 
     def session(self, participant: str) -> StoredSession:
-        """One participant; `StoreError` when there is none of that id."""
+        """One participant; `SessionUnreadable` when what is stored cannot be read, `StoreError` when there is none of
+        that id."""
         with self._database.read() as connection:
-            found = participants.stored_sessions(connection, self.flow, participant=participant)
+            found, unreadable = participants.stored_sessions(connection, self.flow, participant=participant)
+        if unreadable:
+            raise SessionUnreadable(f"{participant}: {unreadable[0].reason}")
         if not found:
             raise StoreError(f"no participant {participant!r}")
         return found[0]
 
     def sessions(self) -> tuple[StoredSession, ...]:
-        """Everyone, demo included, in order of enrolment."""
+        """Everyone whose session can be read, demo included, in order of enrolment. `unreadable_sessions` has the
+        others."""
+        return self.everyone()[0]
+
+    def unreadable_sessions(self) -> tuple[UnreadableSession, ...]:
+        """Those of whom what is stored cannot be read, in order of enrolment."""
+        return self.everyone()[1]
+
+    def everyone(self) -> tuple[tuple[StoredSession, ...], tuple[UnreadableSession, ...]]:
+        """Both, as of one moment."""
         with self._database.read() as connection:
             return participants.stored_sessions(connection, self.flow)
 
@@ -198,7 +210,8 @@ class Store:
         process was reading the database and its log could not be emptied: the next erasure, or the end of the lab,
         does it.
         """
-        self.session(participant)
+        with contextlib.suppress(SessionUnreadable):  # whoever cannot be read can be erased
+            self.session(participant)
         with self._database.write() as connection:
             erasure.erase(connection, participant, utc)
         for copy in migration.copies_beside(self.path):  # they hold the one who is erased
@@ -255,7 +268,7 @@ class Store:
 
     # ---- reading
 
-    @contextmanager
+    @contextlib.contextmanager
     def snapshot(self) -> Iterator[Snapshot]:
         """Everything recorded as it is at this moment, whatever is written meanwhile."""
         with self._database.read() as connection:

@@ -37,6 +37,23 @@ class StoredSession:
 
 
 @dataclass(frozen=True)
+class UnreadableSession:
+    """A participant of whom the lab knows nothing but this: what is stored of their session cannot be read."""
+
+    participant: str
+    kind: str
+    created_utc: str
+    reason: str
+    """Why, as a sentence without its full stop."""
+    lacks_page: bool = False
+    """They stand on a page that this flow has not: run the lab with the pages they were enrolled with."""
+
+
+class SessionUnreadable(StoreError):
+    """What is stored of one participant's session cannot be read; the text says why."""
+
+
+@dataclass(frozen=True)
 class Cycle:
     """The start of a pick-and-place cycle: what a new worker needs before it re-runs the cycle's ticks."""
 

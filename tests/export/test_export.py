@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import json
+import sqlite3
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -248,3 +250,18 @@ def test_columns_of_a_later_version_are_passed_over(store: Store, tmp_path: Path
     header, row = path.read_text(encoding="utf-8").splitlines()
     path.write_text(f"note,{header}\nhello,{row}\n", encoding="utf-8")
     assert [event.participant for event in read_table(tmp_path / "out", "events")] == [who]
+
+
+def test_a_row_that_cannot_be_written_takes_no_other_with_it_and_is_counted(store: Store, tmp_path: Path) -> None:
+    damaged, whole = fill(store, "a"), fill(store, "b")
+    store.commit(Batch(events=(event_row(damaged, utc="yesterday"),)))
+    with contextlib.closing(sqlite3.connect(store.path)) as file:
+        file.execute("UPDATE ticks SET p_x = 'far' WHERE participant = ? AND tick = 1", (damaged,))
+        file.execute("UPDATE studies SET text = 'title = '")
+        file.commit()
+    counts = export(store, tmp_path / "out")
+    assert (counts["ticks"], counts["events"]) == (5, 2)
+    meta = read_meta(tmp_path / "out")
+    assert meta["unwritten_rows"] == {"events": {damaged: 1}, "ticks": {damaged: 1}}
+    assert meta["unreadable_studies"] == meta["studies"]
+    assert [row.participant for row in read_table(tmp_path / "out", "ticks")] == [damaged] * 2 + [whole] * 3

@@ -49,6 +49,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         "withdrawn": 1,
         "aborted": 1,
         "screened_out": 1,
+        "unreadable": 0,
     }
 
 

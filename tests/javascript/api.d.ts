@@ -59,6 +59,7 @@ export interface SessionReply {
   created_utc: string;
   allowed: Array<string>;
   why_not: Record<string, string>;
+  problem: string | null;
 }
 
 /** A participant's call for help. */
@@ -96,6 +97,7 @@ export interface LiveReply {
   created_utc: string;
   allowed: Array<string>;
   why_not: Record<string, string>;
+  problem: string | null;
   trial_s: number | null;
   signals_per_s: number;
   driving_share: number | null;
@@ -188,6 +190,7 @@ export interface RosterLine {
   erased_utc: string | null;
   created_utc: string | null;
   why_not: Record<string, string>;
+  problem: string | null;
 }
 
 /** One page of the roster, newest first, beside the whole grid. */

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import shutil
+import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +20,7 @@ from app.report.process import PAGE, Reporter
 from app.session.commands import NotNow
 from study.analysis.report import PAGE_NAME
 from study.store import Batch, open_store
+from study.store.database import FILE_NAME
 from tests.support.accessibility import findings
 from tests.support.analysis_samples import data_set, store_study
 from tests.support.lab_server import LabServer
@@ -37,6 +41,26 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
         store_study(store, data_set(2, seed=2), "pilot")
         store_study(store, data_set(1, seed=3), "demo")
     return folder
+
+
+def test_one_record_that_cannot_be_used_takes_no_report_from_the_others(filled: Path, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    shutil.copytree(filled, data)
+    with contextlib.closing(sqlite3.connect(data / FILE_NAME)) as file:
+        for statement in (
+            "UPDATE trials SET parameters = '?' WHERE participant = 'P002'",
+            "UPDATE ticks SET belief = '[' WHERE participant = 'P004' AND trial = 2",
+            "UPDATE ticks SET entropy = 'much' WHERE participant = 'P005' AND trial = 1 AND tick = 3",
+        ):
+            assert file.execute(statement).rowcount > 0
+        file.execute("UPDATE participants SET created_utc = 'yesterday' WHERE participant = 'P006'")
+        file.commit()
+    said: list[dict[str, Any]] = []
+    make_report(data, tmp_path / "report", said.append)
+    assert said[-1]["made"]["participants"] == 2
+    page = (tmp_path / "report" / PAGE_NAME).read_text(encoding="utf-8")
+    for name in ("P002", "P004", "P005", "P006"):
+        assert f"{name} is left out, whose record cannot be used" in page
 
 
 # --- the job -------------------------------------------------------------------------------------------------------

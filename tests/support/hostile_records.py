@@ -25,3 +25,5 @@ HOSTILE_DATA: tuple[str, ...] = (
     '{"\\ud800": "\\udfff"}',
 )
 """None of them is what any event of the lab says that says something."""
+HOSTILE_TIMES: tuple[str, ...] = ("", "yesterday", "2026-13-45T99:99:99Z", "9" * 40, "2026-01-01", "-1")
+"""Times of day that are none, and one without its time."""

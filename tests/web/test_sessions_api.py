@@ -7,13 +7,21 @@ import io
 import re
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from app.config import LabConfig
+from app.lab.lab import Lab
+from app.web.live_api import live_reply
+from app.web.sessions_api import session_reply
+from study.store import open_store
 from tests.support.lab_server import LabServer
 from tests.support.route_table import EXPERIMENTERS_ROUTES, OPEN_ROUTES
+from tests.support.study_samples import UTC, shipped_study
 from tests.support.wire_client import command, events, invite, read, seen_by_experimenter, stored, visit
 
 
@@ -204,3 +212,16 @@ def test_an_aborted_participants_cell_is_given_back(client: httpx.Client, quick_
 
 def countable(item: dict[str, Any]) -> bool:
     return not item["demo"] and item["state"] not in ("aborted", "withdrawn")
+
+
+def test_a_session_whose_line_cannot_be_made_is_a_line_that_says_so(tmp_path: Path) -> None:
+    lab = Lab(LabConfig(data_dir=tmp_path))
+    with open_store(tmp_path) as store:
+        fine = store.create_participant(shipped_study(), seed=1, public_id="a", utc=UTC)
+    odd = replace(fine, order=())  # its trial has no condition
+    for line in (session_reply(lab, odd, "Ann"), live_reply(lab, odd, "Ann")):
+        assert (line.participant, line.label, line.state) == (odd.participant, "Ann", "unreadable")
+        assert line.problem == "IndexError: tuple index out of range"
+        assert [act for act, why in line.why_not.items() if not why] == ["abort", "withdraw"]
+    for line in (session_reply(lab, fine, None), live_reply(lab, fine, None)):
+        assert (line.problem, line.state) == (None, fine.session.state)
