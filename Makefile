@@ -46,7 +46,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench faults docs clean FORCE
+.PHONY: help run test test-fast check check-js bench faults soak docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -90,6 +90,9 @@ bench: $(VENV)/.installed-test ## measure decisions, ticks, live sessions, pictu
 
 faults: $(VENV)/.installed-test ## kill, starve, fill, lock, cut and flood labs; what people saw, for how long, what was kept
 	@$(PY) -m tests.faults $(FAULTS)
+
+soak: $(VENV)/.installed-test ## half an hour of eight participants with a fault every 20 s: memory flat, counts equal
+	@$(PY) -m tests.soak $(SOAK)
 
 docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs

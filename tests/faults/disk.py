@@ -1,6 +1,6 @@
 """Small disks of a test's own: one that can be filled, one that can be made to fail. The machine's own is not touched.
 
-Where file systems may be mounted (as root), both are real: a tmpfs of 24 MB, and an ext4 in a file of 32 MB, of
+Where file systems may be mounted (as root), both are real: a tmpfs, and an ext4 in a file of 32 MB, of
 which the kernel is told that it found an error. Elsewhere a full disk is a limit on the size of the lab's files
 (RLIMIT_FSIZE).
 """
@@ -17,7 +17,6 @@ from pathlib import Path
 
 from tests.faults.row import CannotRun, Disk
 
-SMALL_BYTES = 24 * 2**20
 IMAGE_BYTES = 32 * 2**20
 FILLER = "filler"
 
@@ -33,7 +32,8 @@ def _run(*command: str) -> str:
 class SmallDisk:
     """What lies at `folder`. `how` says what it really is, for the report."""
 
-    def __init__(self, folder: Path, kind: Disk) -> None:
+    def __init__(self, folder: Path, kind: Disk, size_mb: int) -> None:
+        self._size_mb = size_mb
         self.folder = folder
         self.kind = kind
         self.how = ""
@@ -46,8 +46,8 @@ class SmallDisk:
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.kind == "small":
             try:
-                _run("mount", "-t", "tmpfs", "-o", f"size={SMALL_BYTES}", "tmpfs", str(self.folder))
-                self._is_mounted, self.how = True, f"tmpfs of {SMALL_BYTES // 2**20} MB"
+                _run("mount", "-t", "tmpfs", "-o", f"size={self._size_mb}m", "tmpfs", str(self.folder))
+                self._is_mounted, self.how = True, f"tmpfs of {self._size_mb} MB"
             except (CannotRun, FileNotFoundError):
                 self.how = "RLIMIT_FSIZE"
         elif self.kind == "failing":

@@ -240,8 +240,7 @@ class Person:
     @property
     def sign(self) -> str:
         """What the page's sign says last."""
-        signs = [seen.name for seen in self.memory.seen if seen.kind == "sign"]
-        return signs[-1] if signs else ""
+        return next((seen.name for seen in reversed(self.memory.seen) if seen.kind == "sign"), "")
 
     # ---- the line ----------------------------------------------------------------------------------------------------
 

@@ -67,7 +67,8 @@ class Hit:
     ended_s: float = 0.0
     spent_s: float = 0.0
     problems: list[str] = field(default_factory=list)
-    calls: list[str] = field(default_factory=list)
+    calls: dict[str, str] = field(default_factory=dict)
+    """Calls for help by their id."""
 
 
 async def hit(stage: Stage, fault: Fault) -> Hit:
@@ -77,8 +78,10 @@ async def hit(stage: Stage, fault: Fault) -> Hit:
     await person.hold(BEFORE)
     if not await person.ticks(TICKS_BEFORE, PATIENCE_S):
         done.problems.append("the robot did not move before the fault")
-    done.calls.append(await person.call(f"before {fault.name} {number}"))
-    if not await person.until_acknowledged(done.calls[0], ACKNOWLEDGED_WITHIN_S):
+    words = f"before {fault.name} {number}"
+    call = await person.call(words)
+    done.calls[call] = words
+    if not await person.until_acknowledged(call, ACKNOWLEDGED_WITHIN_S):
         done.problems.append("a call for help before the fault was not acknowledged")
     stage.began_s, stage.spent_s = time.monotonic(), 0.0
     async with _meanwhile(person, f"in {fault.name} {number}", done):
@@ -99,7 +102,7 @@ async def _meanwhile(person: Person, words: str, done: Hit) -> AsyncIterator[Non
 
     async def act() -> None:
         await asyncio.sleep(CALLS_AFTER_S)
-        done.calls.append(await person.call(words))
+        done.calls[await person.call(words)] = words
         await asyncio.sleep(LETS_GO_AFTER_S - CALLS_AFTER_S)
         await person.hold(None)
 
@@ -125,10 +128,10 @@ async def _afterwards(person: Person, done: Hit, number: int) -> None:
     await person.hold(AFTER)
     if not await person.ticks(TICKS_AFTER, PATIENCE_S):
         done.problems.append("the robot did not go on moving")
-    done.calls.append(await person.call(f"after {done.fault.name} {number}"))
-    for call in done.calls:
+    words = f"after {done.fault.name} {number}"
+    done.calls[await person.call(words)] = words
+    for call, words in done.calls.items():
         if not await person.until_acknowledged(call, ACKNOWLEDGED_WITHIN_S):
-            words = person.memory.sent[call].data["text"]
             done.problems.append(f"the call {words!r} was never acknowledged")
 
 
@@ -173,7 +176,8 @@ async def settled(stage: Stage, person: Person, *, exports: bool = True) -> tupl
     answer = await stage.asked("POST", f"sessions/{person.name}/pause", {"reason": None})
     if answer.status_code != 200:
         stage.notes.append(f"pause was answered with {answer.status_code}")
-    await person.until(lambda: person.sign == "paused", 5.0)
+    if not await person.until(lambda: person.sign == "paused", ACKNOWLEDGED_WITHIN_S):
+        stage.notes.append(f"the session did not pause for the record to be read; the page says {person.sign!r}")
     await person.ticks(1, 2 * TICK_S)  # the one that was under way
     exported = await stage.export() if exports else None
     record = await asyncio.to_thread(stage.evidence, person, exported)

@@ -19,6 +19,12 @@ def children(pid: int) -> list[int]:
     return sorted(child for child in found if state_of(child) not in ("", "Z"))
 
 
+def descendants(pid: int) -> list[int]:
+    """Its children, and theirs."""
+    found = children(pid)
+    return [*found, *(one for child in found for one in descendants(child))]
+
+
 def state_of(pid: int) -> str:
     """R, S, T, Z … as in proc(5); "" for none."""
     try:

@@ -37,8 +37,12 @@ class Setup:
     study: Mapping[str, str] = field(default_factory=lambda: SHORT, hash=False)
     is_network_bad: bool = False
     disk: Disk = "usual"
+    disk_mb: int = 24
+    """Size of a small disk."""
     is_clock_false: bool = False
     second_device: bool = False
+    in_page: bool = False
+    """The participant is at a real page, in a Chromium."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +71,6 @@ class Fault:
     """Whether the data can be exported at the end."""
     is_long: bool = False
     """Takes minutes: only when asked for."""
-    in_page: bool = False
-    """Drives a Chromium of its own instead of the scripted page."""
 
 
 # ---- what is seen ---------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ import httpx
 from app.session.private_text import with_words
 from tests.faults import processes
 from tests.faults.checker import Evidence
-from tests.faults.clock import FalseClock
+from tests.faults.clock import PROGRAM, FalseClock
 from tests.faults.disk import SmallDisk
 from tests.faults.experimenter import Experimenter
 from tests.faults.person import Person
@@ -44,7 +44,7 @@ class Stage:
         self.setup = setup
         self.folder = folder
         self.data_dir = folder / "data"
-        self.disk = SmallDisk(self.data_dir, setup.disk)
+        self.disk = SmallDisk(self.data_dir, setup.disk, setup.disk_mb)
         self.clock = FalseClock(folder / "clock")
         self.network: BadNetwork | None = None
         self.people: list[Person] = []
@@ -88,9 +88,12 @@ class Stage:
         if not study.exists():
             changes = {**self.setup.study, **(SECOND_DEVICE if self.setup.second_device else {})}
             write_study(self.folder, changes)
-        environment = self.clock.environment() if self.setup.is_clock_false else {}
+        false = self.setup.is_clock_false
+        environment, program = (self.clock.environment(), PROGRAM) if false else ({}, ("-m", "app"))
         options = (*self.setup.options, "--study", str(study), "--port", port)
-        self._lab = await asyncio.to_thread(lab_server.start, self.data_dir, *options, environment=environment)
+        self._lab = await asyncio.to_thread(
+            lab_server.start, self.data_dir, *options, environment=environment, program=program
+        )
         self._address = urlsplit(self._lab.base_url).netloc
         for person in self.people:
             person.life += 1
@@ -132,7 +135,7 @@ class Stage:
         """Somebody opens a link of their own."""
         made = await self.invite()
         address = self.network.address if self.network is not None else self._address
-        person = Person(made["link"], made["participant"], address, drives=drives)
+        person = self._person(made["link"], made["participant"], address, drives)
         self.people.append(person)
         person.begin()
         if self.setup.second_device:
@@ -140,6 +143,13 @@ class Stage:
             person.second_device = device
             device.begin()
         return person
+
+    def _person(self, link: str, name: str, address: str, drives: bool) -> Person:
+        if not self.setup.in_page:
+            return Person(link, name, address, drives=drives)
+        from tests.faults.page import PagePerson  # playwright takes long to load
+
+        return PagePerson(link, name, address)
 
     async def open(self) -> None:
         """Lab, network, one participant in their first trial, one dashboard."""
@@ -160,6 +170,10 @@ class Stage:
         in_trial = await person.until(lambda: len(person.memory.ticks) > 0, TRIAL_WITHIN_S)
         assert in_trial, f"no tick after {TRIAL_WITHIN_S:g} s; the page said {person.sign!r}; {self.lab.log()[-2000:]}"
         return person
+
+    async def begin_driving(self) -> Person:
+        """The first of many, who drives a study to its end."""
+        return await self.arrive(drives=True)
 
     async def close(self) -> None:
         """Send everybody home and end the lab."""
