@@ -49,11 +49,14 @@ def fork_server(lab_pid: int) -> int:
 
 
 def workers(lab_pid: int) -> list[int]:
-    """The workers of the sessions, oldest first."""
-    found: list[int] = []
-    for child in children(lab_pid):
-        if "multiprocessing.forkserver" in command_of(child):
-            found += children(child)
+    """The workers of the sessions, oldest first. They outlive the fork server that they came from."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and "multiprocessing.forkserver" in command_of(int(entry.name)):
+            with contextlib.suppress(OSError, ValueError):
+                state, parent, _, session = (entry / "stat").read_text().rpartition(")")[2].split()[:4]
+                if int(session) == lab_pid and int(parent) != lab_pid and state != "Z":
+                    found.append(int(entry.name))
     return sorted(found)
 
 

@@ -101,8 +101,8 @@ class BadNetwork:
                     way.cancel()
                 await asyncio.gather(*ways, return_exceptions=True)
                 back.transport.abort()
-        except OSError:
-            pass  # one side has gone
+        except (OSError, asyncio.CancelledError):
+            pass  # one side has gone, or this network is closed; a stream's task must not end cancelled
         finally:
             self._serving.discard(task)
             writer.transport.abort()
