@@ -6,12 +6,13 @@ What a *study* is made of stands in the study file (`study.definition.study`); t
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
 from app.errors import LabError
+from app.limits import Limits
 from app.monitoring.log_lines import LogFormat
 
 Pace = Literal["real_time", "lockstep"]
@@ -79,7 +80,9 @@ class LabConfig:
     """What the lines of the log on standard error are: `text`, or an object of `json` each."""
     heartbeat_ms: int = 100
     """How often a page says that it is there."""
-    max_sockets_per_session: int = 8
-    """More connections than this to one session are refused."""
+    trusted_proxies: tuple[str, ...] = ()
+    """Addresses or networks of proxies whose word on who asks is believed; with a public URL, this machine's own."""
+    limits: Limits = field(default_factory=Limits)
+    """What a client may cost the lab at most: the table below."""
     worker_restarts: int = 3
     """How often a crashed worker is replaced within one trial before the session is paused for the experimenter."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,6 +20,7 @@ from app import wire
 from app.commands import described
 from app.config import LabConfig
 from app.lab.lab import Lab
+from app.limits import Limits
 from app.trial.parts import REGISTRIES
 from app.web.access import ErrorReply
 from app.web.server import create_app
@@ -249,7 +250,13 @@ def command_line() -> str:
     return joined(*parts)
 
 
-OPTION_OF_SETTING: Mapping[str, str] = {"data_dir": "--data", "study_file": "--study", "scene": "--no-scene"}
+OPTION_OF_SETTING: Mapping[str, str] = {
+    "data_dir": "--data",
+    "study_file": "--study",
+    "scene": "--no-scene",
+    "trusted_proxies": "--trusted-proxy",
+    "limits": "--limit",
+}
 """Options of `salab serve` that are not called as their setting is."""
 
 
@@ -261,9 +268,16 @@ def settings() -> str:
     rows = []
     for field in fields(LabConfig):
         option = OPTION_OF_SETTING.get(field.name, f"--{field.name.replace('_', '-')}")
-        value = "" if field.default is None else f"`{field.default}`"
+        value = "" if field.default in (None, (), MISSING) else f"`{field.default}`"
         rows.append((f"`{field.name}`", f"`{option}`" if option in options else "", value, texts[field.name]))
     return joined(table(("setting", "option", "default", "what it is"), rows))
+
+
+def limits() -> str:
+    """Every bound on what a client may cost."""
+    texts = attribute_texts(Limits)
+    rows = [(f"`{field.name}`", f"`{field.default}`", texts[field.name]) for field in fields(Limits)]
+    return table(("limit", "default", "what it is"), rows)
 
 
 # ---- the export -------------------------------------------------------------------------------------------------
@@ -462,6 +476,7 @@ def packages() -> str:
 GENERATED: Mapping[str, Callable[[], str]] = {
     "study_file": study_file,
     "settings": settings,
+    "limits": limits,
     "command_line": command_line,
     "export_columns": export_columns,
     "http_api": http_api,

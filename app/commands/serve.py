@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -18,6 +19,7 @@ from app.commands.groups import RUN_A_STUDY
 from app.commands.options import choice, file, flow_of, folder, port_number, registered
 from app.config import LOOPBACK, LabConfig, Pace, public_url
 from app.errors import LabError
+from app.limits import with_limits
 from app.monitoring.log_lines import LogFormat
 from app.trial.robots import ROBOTS
 
@@ -30,6 +32,8 @@ READY_LINE = "SALAB_READY_LINE"
 STARTED_EVERY_S = 0.02
 BACKLOG = 128
 """So many connections wait to be taken."""
+FORWARDED = "FORWARDED_ALLOW_IPS"
+LOOPBACK_ADDRESSES = ("127.0.0.0/8", "::1")
 
 commands = typer.Typer()
 
@@ -55,6 +59,14 @@ def serve(
     log_format: Annotated[
         LogFormat, choice(get_args(LogFormat), "how the log on standard error is written, one line an event")
     ] = DEFAULTS.log_format,
+    trusted_proxy: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ADDRESS", help="a proxy on another machine, whose word on who asks is believed"),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="what a client may cost at most, instead of the default"),
+    ] = None,
 ) -> None:
     """Run the lab.
 
@@ -76,6 +88,8 @@ def serve(
         pace=pace,
         scene=not no_scene,
         log_format=log_format,
+        trusted_proxies=proxies(trusted_proxy or (), behind_one=bool(url)),
+        limits=with_limits(limit or ()),
     )
     with listen(config.host, config.port) as listener, closing(set_up_logging(log_format)) as lines:
         end_with_whole_log(lines)
@@ -98,18 +112,23 @@ async def _run_server(lab: Lab, listener: socket.socket) -> None:
     import uvicorn
 
     from app.monitoring.log_setup import log_errors_of
+    from app.web.connections import Door, Proxies, allowed_connections, bounded
     from app.web.server import create_app
-    from app.wire import MAX_MESSAGE_BYTES
 
     log_errors_of(asyncio.get_running_loop())
+    limits, trusted = lab.config.limits, lab.config.trusted_proxies
+    http, websocket = bounded(Door(limits, lab.refusals, Proxies(trusted), allowed_connections(limits)))
     config = uvicorn.Config(
         create_app(lab),
         log_config=None,  # ours, which fold
         access_log=False,  # links carry tokens
         backlog=BACKLOG,  # at the limit of open files asyncio complains once for each that it could have taken
-        ws="websockets-sansio",
-        ws_max_size=16 * MAX_MESSAGE_BYTES,  # larger than we take, so that too large is answered and not cut off
+        http=http,
+        ws=websocket,
+        ws_max_size=limits.frame_bytes,  # larger than we take, so that too large is answered and not cut off
         ws_per_message_deflate=False,
+        forwarded_allow_ips=list(trusted),
+        timeout_keep_alive=limits.idle_s,
         timeout_graceful_shutdown=3,
         server_header=False,
     )
@@ -120,6 +139,16 @@ async def _run_server(lab: Lab, listener: socket.socket) -> None:
     if server.started:
         _announce(lab)
     await serving
+
+
+def proxies(given: Sequence[str], behind_one: bool) -> tuple[str, ...]:
+    """Whose word on who asks is believed: those named, those of `FORWARDED_ALLOW_IPS`, and, behind a proxy, this
+    machine's own."""
+    from app.web.connections import Proxies
+
+    named = [*given, *filter(None, (part.strip() for part in os.environ.get(FORWARDED, "").split(",")))]
+    Proxies(named)  # says so when one is no address
+    return (*named, *(LOOPBACK_ADDRESSES if behind_one else ()))
 
 
 def _announce(lab: Lab) -> None:

@@ -19,6 +19,7 @@ from app.lab.gauges import gauges
 from app.lab.health import Health, why_no_room
 from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import new_token, same_token, token_hash
+from app.limits import Refusals
 from app.monitoring.log_lines import about
 from app.monitoring.metrics import Metrics
 from app.report.process import Reporter
@@ -44,7 +45,15 @@ from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
 from study.parts.errors import PartError
 from study.records import EventRow, StudyError, utc_text
-from study.store import AsyncStore, SessionUnreadable, Store, StoredSession, open_store
+from study.store import (
+    AsyncStore,
+    SessionUnreadable,
+    Store,
+    StoredSession,
+    fingerprint_id,
+    machine_fingerprint,
+    open_store,
+)
 
 log = logging.getLogger(__name__)
 
@@ -89,6 +98,7 @@ class Lab:
         client_message: what a page may say.
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
+        refusals: how often each bound on what a client may cost was reached.
         metrics: what is counted and measured.
         health: whether the lab does what it is for.
         base_url: what links begin with; the server sets it when it knows its port.
@@ -104,6 +114,7 @@ class Lab:
     ) -> None:
         self.config = config
         self.flow = flow
+        self.refusals = Refusals()
         self.client_message = client_message(flow)
         self.base_url = config.public_url or ""
         self.experimenter_token = experimenter_token or new_token()
@@ -113,7 +124,7 @@ class Lab:
         self._demo = asyncio.Lock()
         self._now_unix_s = now_unix_s
         self._store: AsyncStore | None = None
-        self._robot: dict[str, str] = {}
+        self._ran_on: dict[str, str] = {}
         self._studies: dict[str, Study] = {}
         self._setups: dict[str, StudySetup] = {}
         self._setup: StudySetup | None = None
@@ -144,7 +155,8 @@ class Lab:
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         warm_up(self._workers, self.config.robot)
-        self._robot = robot_facts(self.config.robot)
+        machine = fingerprint_id(machine_fingerprint())
+        self._ran_on = {**robot_facts(self.config.robot), "machine": machine}
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             lost = [one for one in store.unreadable_sessions() if one.lacks_page]
@@ -450,7 +462,7 @@ class Lab:
             ),
             trial_row=lambda trial: setup.trial_row(enrolment.participant, plan, trial),
             clock=clock,
-            robot=self._robot,
+            ran_on=self._ran_on,
             changed=self.changed,
             metrics=self.metrics,
             panel_link=lambda: self._panel_link(stored.participant),

@@ -135,8 +135,8 @@ class LabServices:
     """A link for the second device."""
     clock: SteadyClock
     """The session's own: its times never go back."""
-    robot: Mapping[str, str] = field(default_factory=dict)
-    """Which robot runs the trials, for the record."""
+    ran_on: Mapping[str, str] = field(default_factory=dict)
+    """Which robot runs the trials and which machine it is, for the record."""
     changed: Callable[[str], None] = lambda participant: None
     """Told whenever something about the session may have changed."""
     flow: Flow = FLOW

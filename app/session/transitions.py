@@ -82,8 +82,7 @@ class Transitions:
         elif after.state == "trial" and any(isinstance(effect, BeginTicks) for effect in effects):
             context.vitals.overruns = 0
             begun = replace(context.services.trial_row(after.trial), started_utc=context.services.now_utc())
-            robot = context.event("robot", "lab", context.services.robot)
-            batch = replace(batch, trials=(begun,), events=(*batch.events, robot))
+            batch = replace(batch, trials=(begun,))
         again = await self._practice_again() if event.name == "repeat_practice" else None
         if again is not None:
             batch = replace(batch, cycles=context.cycle_rows(again, practice=True))
@@ -124,9 +123,8 @@ class Transitions:
                 store.rows_of("practice_ticks", participant, trial=trial),
             )
         )
-        cycle = cycle_from_json(last.start).cycle if last else CycleStart().cycle
-        first_tick = rows[-1].tick + 1 if rows else 0
-        return CycleStart(cycle + 1, first_tick, counted_from=first_tick)
+        start = cycle_from_json(last.start) if last else CycleStart()
+        return start.repeated(start.cycle + 1, rows[-1].tick + 1 if rows else 0)
 
     async def _carry_out(self, effects: tuple[Effect, ...]) -> None:
         link = self._context.link
@@ -237,9 +235,11 @@ class Transitions:
         context, link = self._context, self._context.link
         link.ready, link.scene_port = True, report.scene_port
         context.running.ready(report)
+        phase, _ = context.session.worker or ("", 0)
+        events = [context.event("robot", "lab", {**context.services.ran_on, "phase": phase})]
         if report.mismatch is not None:
-            event = context.event("replay_mismatch", "robot", {"tick": report.mismatch})
-            await context.commit(Batch(events=(event,)))
+            events.append(context.event("replay_mismatch", "robot", {"tick": report.mismatch}))
+        await context.commit(Batch(events=tuple(events)))
         if report.finished:
             await self._running_trial_done(Batch())
             return

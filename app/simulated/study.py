@@ -29,7 +29,7 @@ from app.simulated.participant import Case, Record, simulate_participant
 from app.simulated.progress import progress
 from app.simulated.traits import Population
 from app.simulated.variants import changed_study, fitted_population, preset_changes
-from app.trial.robots import ROBOTS, make_robot
+from app.trial.robots import ROBOTS, make_robot, robot_facts
 from app.trial.setup import StudySetup, study_setup
 from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
@@ -76,11 +76,17 @@ class Plan:
         return {
             **({"pages": list(self.flow.states)} if own else {}),
             "seed": self.seed,
-            "robot": self.robot,
+            **_robot_told(self.robot),
             "study": setup_of(self.study_text, self.trust).study.hash,
             "population": {"means": dict(self.population.means), "spread_scale": self.population.spread_scale},
             "schema_version": SCHEMA_VERSION,
         }
+
+
+def _robot_told(name: str) -> dict[str, Any]:
+    """Its name, and what is known of one that does not ship."""
+    facts = robot_facts(name)
+    return {"robot": name, **({"robot_facts": facts} if len(facts) > 1 else {})}
 
 
 @lru_cache(maxsize=64)

@@ -119,6 +119,10 @@ class CycleStart:
         """Another attempt, from that tick on; the spans are those of the tasks so far."""
         return replace(self, first_tick=first_tick, attempt=self.attempt + 1, pickup=pickup, dropoff=dropoff)
 
+    def repeated(self, cycle: int, first_tick: int) -> CycleStart:
+        """Practice once more, in another cycle from that tick on: as if nothing had been before."""
+        return CycleStart(cycle, first_tick, counted_from=first_tick)
+
     def after(self, rows: Sequence[TickRow]) -> CycleStart:
         """Another attempt after this one, whose ticks these rows are."""
         spans = {"pickup": self.pickup, "dropoff": self.dropoff}

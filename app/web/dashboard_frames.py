@@ -18,11 +18,10 @@ from app.web.access import Experimenter, TheLab, experimenters_router
 from app.web.addresses import prefix
 from app.web.participant_socket import Places, same_origin
 from app.web.scene_proxy import proxy_scene, scene_page_response
+from app.web.security_headers import CSP, REPORT
 
 COOKIE = "salab_desk"
 PATH = "/dashboard"
-MAX_SPECTATORS = 20
-REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 private = experimenters_router("experimenter")
 
@@ -62,7 +61,7 @@ def _forbidden() -> Response:
 def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
     """Put all routes of this file into an app."""
     app.include_router(private)
-    places = Places(MAX_SPECTATORS)
+    places = Places(lab.config.limits.spectators)
 
     @app.get("/dashboard/scene/{participant}/", include_in_schema=False)
     async def scene_page(request: Request, participant: str) -> Response:
@@ -84,7 +83,7 @@ def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
             return _forbidden()
         if lab.reporter.status.state != "made" or name is None:
             return JSONResponse({"detail": "there is no report now; make it from the dashboard"}, 404)
-        headers = {"Content-Security-Policy": REPORT_POLICY, "Cache-Control": "no-store"}
+        headers = {CSP: REPORT, "Cache-Control": "no-store"}
         return FileResponse(lab.reporter.folder / name, headers=headers)
 
     @app.websocket("/dashboard/scene/{participant}")

@@ -19,8 +19,6 @@ from app.web.participant_socket import same_origin
 from study.definition.link_placeholders import filled
 from study.flow.facts import as_read
 
-JOINS_A_MINUTE = 60
-"""From one address: a whole class behind one router can begin together, a script that makes up ids cannot go on."""
 PATH = "/join"
 State = Literal["begin", "back", "bad_link", "closed", "full", "elsewhere"]
 
@@ -129,5 +127,5 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
 def add_join(app: FastAPI, lab: Lab) -> None:
     """Put the routes of this file into an app whose `state.lab` is the lab."""
     app.state.open_enrolment = OpenEnrolment(lab)
-    app.state.joins = Attempts(allowed=JOINS_A_MINUTE)
+    app.state.joins = Attempts(lab.config.limits.joins_per_min, addresses=lab.config.limits.addresses)
     app.include_router(router)

@@ -44,7 +44,6 @@ GAP_S = 0.1
 """Least time between two messages to one dashboard."""
 REFRESH_S = 10.0
 """How often everything is looked at again, changed or not."""
-MAX_DASHBOARDS = 20
 MAX_HELLO_BYTES = 2_000
 
 
@@ -360,7 +359,7 @@ async def _why_refused(websocket: WebSocket, lab: Lab) -> str:
 
 def add_live(app: FastAPI, lab: Lab) -> None:
     """Put the socket and the routes of this file into an app."""
-    places = Places(MAX_DASHBOARDS)
+    places = Places(lab.config.limits.dashboards)
     app.include_router(private)
 
     @app.websocket("/dashboard/socket")

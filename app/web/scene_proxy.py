@@ -37,6 +37,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.typing import Subprotocol
 
 from app.errors import LabError
+from app.web.security_headers import CSP, SCENE
 from sim.views import INSET
 
 CLIENT_MESSAGES = frozenset({"ViewerCameraMessage", "GetRenderResponseMessage"})
@@ -197,13 +198,6 @@ _STEERED_SCRIPT = """
 })();
 """
 
-# Nothing from elsewhere is loaded, and only our own pages may frame it.
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; worker-src blob:; "
-    "connect-src 'self' data: blob:; style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
-)
-
 
 class SceneError(LabError):
     """The scene cannot be served; the text says what is missing."""
@@ -270,9 +264,7 @@ def scene_page_response(headers: Headers, steered: bool = False) -> Response:
         "ETag": page.etag,
         "Cache-Control": "private, no-cache",
         "Vary": "Accept-Encoding",
-        "Content-Security-Policy": _POLICY,
-        "X-Content-Type-Options": "nosniff",
-        "Referrer-Policy": "no-referrer",
+        CSP: SCENE,
     }
     offered = {tag.strip().removeprefix("W/") for tag in headers.get("if-none-match", "").split(",")}
     if page.etag in offered:

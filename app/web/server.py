@@ -11,11 +11,12 @@ from typing import Any
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.exception_handlers import http_exception_handler
 from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
-from starlette.types import Scope
+from starlette.types import ASGIApp, Scope
 
 from app.errors import LabError
 from app.lab.lab import Lab, NoSuchParticipant, StudyUnreadable
@@ -28,6 +29,7 @@ from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.web.arbiter_api import add_arbiter_api
 from app.web.counted import Counted, Named
 from app.web.dashboard_frames import add_dashboard_frames
+from app.web.guard import Guard
 from app.web.health_api import add_health_api
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
@@ -37,6 +39,7 @@ from app.web.qr_code import qr_svg
 from app.web.results_api import add_results_api
 from app.web.roster_api import add_roster_api
 from app.web.scene_proxy import proxy_scene, scene_page_response
+from app.web.security_headers import CSP, PAGE, api_pages
 from app.web.sessions_api import add_sessions_api
 from study.language.words import ENGLISH, Words
 from study.store import WHAT_TO_DO, StoreTroubled
@@ -44,20 +47,10 @@ from study.store import WHAT_TO_DO, StoreTroubled
 log = logging.getLogger(__name__)
 
 STATIC = Path(__file__).resolve().parents[2] / "static"
-MAX_BODY_BYTES = 1_000_000
-"""No request needs more; larger ones are refused before they are read."""
 MAX_PROBLEMS = 20
 """So many mistakes of a request are told."""
-
-SECURITY_HEADERS = {
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "X-Frame-Options": "SAMEORIGIN",
-}
-PAGE_POLICY = (
-    "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; "
-    "worker-src 'self'; frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'"
-)
+MAX_LENGTH_DIGITS = 18
+"""Of a Content-Length: more of them Python might refuse to read."""
 
 
 class ServedFiles(StaticFiles):
@@ -84,12 +77,14 @@ def create_app(lab: Lab) -> FastAPI:
     app = FastAPIOffline(
         title="Shared Autonomy Lab",
         description="Run, log, replay and analyse shared-autonomy studies.",
+        docs_url=None,
         redoc_url=None,
         lifespan=lifespan,
     )
     app.state.lab = lab
     app.add_middleware(Named)  # around the router, inside of everything that answers by itself
-    add_sessions_api(app)
+    _add_guard(app, lab)
+    add_sessions_api(app, lab)
     add_health_api(app)
     add_arbiter_api(app)
     add_roster_api(app)
@@ -97,7 +92,7 @@ def create_app(lab: Lab) -> FastAPI:
     add_live(app, lab)
     add_join(app, lab)
     add_dashboard_frames(app, lab)
-    _add_errors(app)
+    _add_errors(app, lab)
     _add_pages(app, lab)
     _add_sockets(app, lab)
     app.add_middleware(Prefixed, lab=lab)
@@ -107,7 +102,17 @@ def create_app(lab: Lab) -> FastAPI:
     return app
 
 
-def _add_errors(app: FastAPI) -> None:
+def _add_guard(app: FastAPI, lab: Lab) -> None:
+    """Around all that the framework answers by itself, too: errors in the lab's own code are outside its middleware."""
+    build = app.build_middleware_stack
+
+    def guarded() -> ASGIApp:
+        return Guard(build(), lab)
+
+    app.build_middleware_stack = guarded  # type: ignore[method-assign]
+
+
+def _add_errors(app: FastAPI, lab: Lab) -> None:
     @app.exception_handler(RequestValidationError)
     async def invalid(_: Request, error: RequestValidationError) -> JSONResponse:
         """What is wrong, without echoing what was sent (it may be NaN, or megabytes)."""
@@ -131,10 +136,8 @@ def _add_errors(app: FastAPI) -> None:
         return JSONResponse({"detail": f"The lab cannot save now. {WHAT_TO_DO[error.kind]}"}, 503)
 
     @app.middleware("http")
-    async def secure(request: Request, call_next: Any) -> Response:
-        response: Response = _too_large(request) or await call_next(request)
-        for name, value in SECURITY_HEADERS.items():
-            response.headers.setdefault(name, value)
+    async def sized(request: Request, call_next: Any) -> Response:
+        response: Response = _too_large(request, lab) or await call_next(request)
         return response
 
 
@@ -150,13 +153,15 @@ def _field(place: Sequence[str | int]) -> str:
     return ".".join(str(part) for part in inner) if inner and isinstance(inner[0], str) else "body"
 
 
-def _too_large(request: Request) -> Response | None:
+def _too_large(request: Request, lab: Lab) -> Response | None:
     """The answer to a request that says it is too large, or does not say how large it is."""
-    length = request.headers.get("content-length", "0")
+    length, most = request.headers.get("content-length", "0"), lab.config.limits.body_bytes
+    closing = {"Connection": "close"}  # what comes is not read
     if "transfer-encoding" in request.headers:
-        return JSONResponse({"detail": "the request must say its Content-Length"}, 411)
-    if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
-        return JSONResponse({"detail": f"the request is larger than {MAX_BODY_BYTES} bytes"}, 413)
+        return JSONResponse({"detail": "the request must say its Content-Length"}, 411, headers=closing)
+    if not length.isdecimal() or len(length) > MAX_LENGTH_DIGITS or int(length) > most:
+        lab.refusals.add("body")
+        return JSONResponse({"detail": f"the request is larger than {most} bytes"}, 413, headers=closing)
     return None
 
 
@@ -166,7 +171,7 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
         text = with_views((STATIC / name).read_text(encoding="utf-8"), lab.flow)
         text = in_language(text, words)
         text = text.replace('="/', f'="{prefix(lab)}/')
-        headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
+        headers = {CSP: PAGE, "Cache-Control": "no-cache"}
         return HTMLResponse(text, status, headers=headers)
 
     def forbidden() -> Response:
@@ -244,6 +249,20 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
             return Response(status_code=404)
         return Response(qr_svg(live.panel_link), media_type="image/svg+xml", headers={"Cache-Control": "no-store"})
 
+    @app.get("/docs", include_in_schema=False)
+    async def api_documentation() -> Response:
+        """The API's own page, with files of the lab alone."""
+        root, files = prefix(lab), "/static-offline-docs"
+        html = get_swagger_ui_html(
+            openapi_url=f"{root}{app.openapi_url}",
+            title=f"{app.title}: HTTP API",
+            swagger_js_url=f"{root}{files}/swagger-ui-bundle.js",
+            swagger_css_url=f"{root}{files}/swagger-ui.css",
+            swagger_favicon_url=f"{root}{files}/favicon.png",
+        )
+        text = bytes(html.body).decode()
+        return HTMLResponse(text, headers={CSP: api_pages(text)})
+
     @app.get("/favicon.ico", include_in_schema=False)
     async def favicon() -> Response:
         return Response(status_code=204)
@@ -278,7 +297,7 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
         await websocket.close(1008)
         return None
 
-    places = sockets.Places(lab.config.max_sockets_per_session)
+    places = sockets.Places(lab.config.limits.sockets_per_session)
 
     async def turned_away(request: Request, public_id: str, role: Role) -> Response:
         """Why a page whose link is good is not let in: a browser is not told why its socket was refused."""

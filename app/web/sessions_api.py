@@ -327,8 +327,8 @@ async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = F
     )
 
 
-def add_sessions_api(app: FastAPI) -> None:
+def add_sessions_api(app: FastAPI, lab: Lab) -> None:
     """Put all routes of this file into an app whose `state.lab` is the lab."""
-    app.state.wrong_tokens = Attempts()
+    app.state.wrong_tokens = Attempts(lab.config.limits.wrong_tokens_per_min, addresses=lab.config.limits.addresses)
     app.include_router(public)
     app.include_router(private)

@@ -126,7 +126,22 @@ def write_tables(
 
 
 def read_table(in_dir: Path | str, table: str) -> list[Any]:
-    """The rows of an exported table as their type.
+    """All rows of an exported table; as `rows_of_table`."""
+    return list(rows_of_table(in_dir, table))
+
+
+def columns_in(in_dir: Path | str, table: str) -> tuple[str, ...]:
+    """The names of the columns that an exported table has. Raises `ExportError`."""
+    path = Path(in_dir) / f"{table}.csv"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return tuple(next(csv.reader(file), []))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ExportError(f"{path}: cannot be read: {error}") from None
+
+
+def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None) -> Iterator[Any]:
+    """The rows of an exported table as their type, one after the other; of one participant alone, if named.
 
     A column that came later, and so has a default, may be missing: the rows have the default. Raises `ExportError` for
     a folder that is no export, another schema version, missing columns, or a cell that is not of its column's type
@@ -147,14 +162,14 @@ def read_table(in_dir: Path | str, table: str) -> list[Any]:
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             row_type = TABLES[table]
             cells = [(info.name, header.index(info.name), _reader(info, quoted)) for info in infos]
-            rows = []
+            whose = header.index("participant")
             for line in reader:
                 try:
-                    rows.append(row_type(**{name: parse(line[position]) for name, position, parse in cells}))
+                    if participant is None or line[whose] == participant:
+                        yield row_type(**{name: parse(line[position]) for name, position, parse in cells})
                 except (ValueError, IndexError):
                     # `line_num` is the last line of the row: cells may hold line breaks.
                     raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line)}") from None
-            return rows
     except FileNotFoundError:
         raise ExportError(f"{path}: missing; export the data again") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:

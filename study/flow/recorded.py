@@ -71,6 +71,19 @@ class Freed(Told):
     phase: Literal["practice", "trial"]
 
 
+class RanOn(Told):
+    """Which robot and which machine a worker runs a practice or a trial on; the rest is known of a robot that does not
+    ship."""
+
+    robot: str
+    machine: str = ""
+    """As `study.store.fingerprint_id` calls it; "" = recorded before machines were named."""
+    phase: Literal["practice", "trial"] = "trial"
+    package: str = ""
+    version: str = ""
+    sha256: str = ""
+
+
 Data = TypeVar("Data", bound=Told)
 
 
@@ -106,6 +119,7 @@ ARM_FREED = Recorded("arm_freed", ("participant", "experimenter", "robot"), Free
 FREE_NOT_NEEDED = Recorded("free_not_needed", ("lab",), Nothing)
 STARTED_BY_PARTICIPANT = Recorded("step_start", ("participant",), Nothing)
 STARTED_BY_EXPERIMENTER = Recorded("start", ("experimenter",), Nothing)
+RAN_ON = Recorded("robot", ("lab",), RanOn)
 PAGE_HIDDEN = Recorded(f"{NAMESPACE}hidden", ("participant",), Nothing)
 PAGE_VISIBLE = Recorded(f"{NAMESPACE}visible", ("participant",), Nothing)
 PAD_UNPLUGGED = Recorded(f"{NAMESPACE}pad_unplugged", ("participant",), Nothing)
@@ -114,7 +128,7 @@ READ_BACK: tuple[Recorded[Any], ...] = (
     *(CLOCK_SET, ROUND_TRIP, FOCUS_LOST, CONNECTED, TAB_TAKEN_OVER, PAGE_HIDDEN, PAGE_VISIBLE, PAD_UNPLUGGED),
     *(SET_UP, HELP, HELP_SEEN),
     *(FREE_ASKED_BY_PARTICIPANT, FREE_ASKED_BY_EXPERIMENTER, ARM_FREED, FREE_NOT_NEEDED),
-    *(STARTED_BY_PARTICIPANT, STARTED_BY_EXPERIMENTER),
+    *(STARTED_BY_PARTICIPANT, STARTED_BY_EXPERIMENTER, RAN_ON),
 )
 """Every event that the lab goes by."""
 

@@ -22,7 +22,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
 
 from study.store.async_store import AsyncStore
 from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
-from study.store.fingerprint import machine_fingerprint
+from study.store.fingerprint import fingerprint_id, machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
 from study.store.values import (
@@ -55,6 +55,7 @@ __all__ = [
     "Trouble",
     "TroubleKind",
     "UnreadableSession",
+    "fingerprint_id",
     "machine_fingerprint",
     "open_store",
     "verify_data",

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
-import json
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -26,7 +25,7 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.store import ledger, migration
 from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
-from study.store.fingerprint import machine_fingerprint
+from study.store.fingerprint import fingerprint_text, machine_fingerprint
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
@@ -220,7 +219,7 @@ class Database:
             is_marked = True
         if is_reader:
             return
-        text = json.dumps(machine_fingerprint(), sort_keys=True)
+        text = fingerprint_text(machine_fingerprint())
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
         with self.write() as connection:

@@ -1,9 +1,13 @@
-"""What a machine is, as far as it decides whether a trial can be re-run bit for bit: versions, CPU, BLAS."""
+"""What a machine is, as far as it decides whether a trial can be re-run bit for bit: versions, code, CPU, BLAS."""
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
+import json
 import platform
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +22,11 @@ _PACKAGES = {
 }
 
 
+_ROOT = Path(__file__).resolve().parents[2]
+_DECIDING = ("app/autonomy", "app/trial", "sim", "study/definition", "study/parts", "study/records.py")
+"""Where the code stands that decides what a tick does: two checkouts of one version may differ in it."""
+
+
 def machine_fingerprint() -> dict[str, str]:
     """Name to value; `not installed` and `unknown` are values too, nothing is left out."""
     return {
@@ -25,8 +34,33 @@ def machine_fingerprint() -> dict[str, str]:
         "system": f"{platform.system()} {platform.machine()}",
         "cpu": _cpu_model(),
         "blas": _blas(),
+        "code": _code(),
         **{name: _version(package) for name, package in _PACKAGES.items()},
     }
+
+
+def fingerprint_text(fingerprint: Mapping[str, str]) -> str:
+    """A fingerprint as one line of JSON, whatever the order of its names."""
+    return json.dumps(dict(fingerprint), sort_keys=True)
+
+
+def fingerprint_id(fingerprint: Mapping[str, str]) -> str:
+    """What events call a machine by: twelve digits of the SHA-256 of its fingerprint."""
+    return hashlib.sha256(fingerprint_text(fingerprint).encode()).hexdigest()[:12]
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """Twelve digits of a SHA-256 over every file of `_DECIDING`: arbiters, inference, engine, robots, layouts."""
+    sha256 = hashlib.sha256()
+    for place in _DECIDING:
+        path = _ROOT / place
+        files = [path] if path.is_file() else sorted(path.rglob("*"))
+        for file in files:
+            if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".md":
+                sha256.update(f"{file.relative_to(_ROOT).as_posix()}\0".encode())
+                sha256.update(hashlib.sha256(file.read_bytes()).digest())
+    return sha256.hexdigest()[:12]
 
 
 def _version(package: str) -> str:

@@ -30,12 +30,13 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
-    ("app.session", "app.replication", "app.contracts"),
+    ("app.session", "app.replication", "app.replay", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
     ("app.wire", "app.config", "app.clock"),
     ("app.monitoring",),
     ("app.texts",),
+    ("app.limits",),
     ("app.errors",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
@@ -91,6 +92,8 @@ PURE = (
         "app.errors",
         "study.records",
         "study.integrity",
+        "app.limits",
+        "study.records",
         "study.parts",
         "study.definition",
         "study.flow",

@@ -23,6 +23,7 @@ from app.commands import described
 from app.commands.program import program
 from app.config import LabConfig
 from app.contracts.plugin import SUITES
+from app.limits import Limits
 from app.trial.parts import shelf
 from app.trial.world import world_problems
 from app.wire import (
@@ -148,11 +149,19 @@ def test_every_setting_is_documented_with_its_option_and_default() -> None:
     assert {row[1].strip("`") for row in rows.values()} - {""} == options_of("serve")
     for field in dataclasses.fields(LabConfig):
         _, option, default, meaning = rows[field.name]
-        assert default.strip("`") == ("" if field.default is None else str(field.default))
+        assert default.strip("`") == ("" if field.default in (None, (), dataclasses.MISSING) else str(field.default))
         assert meaning, field.name
         described = next((o for o in COMMANDS["serve"].options if option.strip("`") in o.flags), None)
         if described is not None and described.default:
             assert described.default == str(field.default), option
+
+
+def test_every_bound_is_documented_with_its_default() -> None:
+    rows = {row[0].strip("`"): row[1:] for row in rows_of(reference.limits())[1:]}
+    assert list(rows) == [field.name for field in dataclasses.fields(Limits)]
+    for field in dataclasses.fields(Limits):
+        default, meaning = rows[field.name]
+        assert default == f"`{field.default}`" and meaning, field.name
 
 
 def test_every_variable_of_the_environment_is_told() -> None:
@@ -522,7 +531,8 @@ def test_the_trial_without_a_server_runs_as_it_stands(tmp_path: Path) -> None:
 
 
 def test_the_examples_that_read_an_export_run_as_they_stand(place: Path) -> None:
-    lengths, beliefs, words = outputs("docs/how-to/read-an-export.md", place)
+    lengths, beliefs, words, again = outputs("docs/how-to/read-an-export.md", place)
+    assert again.startswith("S001 trial 2 same ") and again.endswith(" None\n")
     assert "demographics" in words and "sus_modified" in words
     for printed in (lengths, beliefs):
         for name in ("teleoperation", "goal_oriented", "balanced"):

@@ -259,4 +259,4 @@ def test_pages_may_load_nothing_from_elsewhere(client: httpx.Client) -> None:
     assert response.status_code == 200
     assert "default-src 'self'" in response.headers["content-security-policy"]
     assert response.headers["x-content-type-options"] == "nosniff"
-    assert response.headers["x-frame-options"] == "SAMEORIGIN"
+    assert response.headers["x-frame-options"] == "DENY"

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from websockets.asyncio.client import connect
 
-from app.config import LabConfig
+from app.limits import Limits
 from app.session.session import LiveSession
 from app.simulated.bot import BotError, enter
 from app.web import participant_socket as sockets
@@ -346,7 +346,7 @@ async def test_more_sockets_than_allowed_are_refused(quick_lab: LabServer) -> No
                 )
             )
 
-        silent = [await open_one() for _ in range(LabConfig().max_sockets_per_session)]
+        silent = [await open_one() for _ in range(Limits().sockets_per_session)]
         with pytest.raises(BotError, match="did not open a socket"):
             async with visit(link):
                 pass
