@@ -46,7 +46,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench faults soak docs clean FORCE
+.PHONY: help run test test-fast check check-js bench faults soak fuzz docs clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -93,6 +93,9 @@ faults: $(VENV)/.installed-test ## kill, starve, fill, lock, cut and flood labs;
 
 soak: $(VENV)/.installed-test ## half an hour of eight participants with a fault every 20 s: memory flat, counts equal
 	@$(PY) -m tests.soak $(SOAK)
+
+fuzz: $(VENV)/.installed-test ## 100,000 inputs that nobody would send; SEED=7 repeats them, INPUTS=1000 are fewer
+	@$(PY) -m tests.fuzz $(if $(SEED),--seed $(SEED)) $(if $(INPUTS),--inputs $(INPUTS))
 
 docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs

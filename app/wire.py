@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 else:
     StepName = Literal[step_names()]
     NoteName = Literal[tuple(NOTES)]
-Sequence = Annotated[int, Field(ge=0, le=2**53, strict=True)]
+Sequence = Annotated[int, Field(ge=0, le=2**53 - 1, strict=True)]
 
 
 class Message(BaseModel):
@@ -48,7 +48,7 @@ class Hello(Message):
     """First message on a socket. A second `hello` for the same session takes it over from the first tab."""
 
     type: Literal["hello"] = "hello"
-    protocol: int
+    protocol: Sequence
     """The version the client speaks; any but the lab's is refused."""
     client: Identifier
     """Made by the tab, kept over a reload."""

@@ -35,7 +35,7 @@ def read_obj(text: str, color: Rgb) -> Mesh:
     """
     read = _Read()
     own = (color[0] / 255.0, color[1] / 255.0, color[2] / 255.0)
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text.split("\n"), start=1):
         words = line.split("#", 1)[0].split()
         if not words:
             continue

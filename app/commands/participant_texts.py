@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -32,23 +33,25 @@ def texts(
     beside `language`.
     """
     from app.texts.translating import gaps, template
+    from study.definition.translations import MOST_BYTES
     from study.language import locales
     from study.language.catalogue import read
+    from study.text_file import read_text
 
     known = locales.language(language)
     if known is None:
         raise LabError(f"--language {language}: no such language is known; give a tag such as fr or pt-BR")
     file = out or Path(f"texts.{language}.po")
     try:
-        before = file.read_text(encoding="utf-8") if file.exists() else ""
+        before = read_text(file, MOST_BYTES) if os.path.lexists(file) else ""
         mistakes = read(before, language).mistakes if before else ()
         if mistakes:
             lines = "; ".join(f"line {mistake.line}: {mistake.sentence}" for mistake in mistakes)
             raise LabError(f"{file}: {lines}. Mend it first")
         text = template(language, before)
         file.write_text(text, encoding="utf-8", newline="\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LabError(f"{file}: cannot be written: {error}") from None
+    except OSError as error:
+        raise LabError(f"{file}: cannot be written: {error.strerror or error}") from None
     left = len(gaps(read(text, language)).missing)
     print(
         f"wrote {file}: the lab's texts in {known.name}, {left} of them still to translate. Next:\n"

@@ -183,10 +183,12 @@ def _source(code: Code, folder: Path, is_held: bool) -> str:
 
 def held_codes(file: Path) -> tuple[Code, ...]:
     """The sources that a study file holds itself."""
+    from study.definition.files_beside import MOST_STUDY_BYTES
     from study.definition.named_parts import codes_of
     from study.definition.toml_reader import parse_toml
+    from study.text_file import read_text
 
-    return codes_of(parse_toml(file.read_bytes(), str(file))[0])
+    return codes_of(parse_toml(read_text(file, MOST_STUDY_BYTES).encode(), str(file))[0])
 
 
 PICTURES = (".png", ".svg", ".pdf")

@@ -489,7 +489,7 @@ class Lab:
             try:
                 self._studies[study_hash] = parse_stored(text, f"stored study {study_hash[:12]}")
             except StudyError as error:
-                problem = str(error).splitlines()[0]
+                problem = str(error).partition("\n")[0]
                 raise StudyUnreadable(
                     f"this version of the lab cannot read the study they were enrolled with: {problem}; "
                     "open the data folder with the version that enrolled them"

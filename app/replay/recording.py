@@ -18,6 +18,7 @@ from study.flow.recorded import RAN_ON
 from study.flow.recorded import RanOn as Noted
 from study.records import EventRow, ParticipantRow, TaskRow, TickRow, TrialRow, columns
 from study.store import fingerprint_id
+from study.text_file import FileProblem, read_text
 
 MAX_STUDY_BYTES = 64 * 1024 * 1024
 """Of a study file in an export: far more than one with its meshes and the sources of its parts has."""
@@ -183,11 +184,10 @@ def _study_texts(folder: Path) -> dict[str, str]:
     texts = {}
     for path in sorted(folder.glob("study*.toml")):
         try:
-            if path.is_file() and path.stat().st_size <= MAX_STUDY_BYTES:
-                raw = path.read_bytes()
-                texts[hashlib.sha256(raw).hexdigest()] = raw.decode("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise CannotReplay(f"{path}: cannot be read: {error}") from None
+            text = read_text(path, MAX_STUDY_BYTES, within=folder)
+        except FileProblem as problem:
+            raise CannotReplay(str(problem)) from None
+        texts[hashlib.sha256(text.encode()).hexdigest()] = text
     return texts
 
 

@@ -130,4 +130,4 @@ Experimenter = Annotated[str, Depends(experimenter)]
 TheLab = Annotated[Lab, Depends(lab_of)]
 
 
-ParticipantId = Annotated[str, Path(description="The participant's id, such as P001.")]
+ParticipantId = Annotated[str, Path(max_length=100, description="The participant's id, such as P001.")]

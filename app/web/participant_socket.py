@@ -18,6 +18,7 @@ from starlette.requests import HTTPConnection
 from app.session.interfaces import Role
 from app.session.session import LiveSession
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, ClientMessage, Error, Hello, Message
+from study.json_text import once, whole_number
 
 HELLO_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 2.0
@@ -187,9 +188,12 @@ def parse(text: str | bytes, taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE)
             code="too_large", field=None, message=f"the message has {size} bytes; at most {MAX_MESSAGE_BYTES} are taken"
         )
     try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
+        data = json.loads(text, parse_int=whole_number, object_pairs_hook=once)
+    except json.JSONDecodeError:
         return Error(code="malformed", field=None, message="the message is not JSON")
+    except (ValueError, RecursionError) as error:
+        why = str(error) if type(error) is ValueError else "is nested too deeply"
+        return Error(code="malformed", field=None, message=f"the message is not JSON that can be kept: it {why}")
     identifier = data.get("id") if isinstance(data, dict) else None
     if not isinstance(identifier, str) or not _IDENTIFIER.fullmatch(identifier):
         identifier = None

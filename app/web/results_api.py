@@ -11,12 +11,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import FastAPI, HTTPException, Path, Query
+from fastapi import FastAPI, HTTPException, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.lab.lab import StudyUnreadable
 from app.session.commands import NotNow
 from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
+from app.web.numbers import Limit, Offset, TrialNumber
 from study.definition.study import Study
 from study.flow.answers import score
 from study.flow.page import Text
@@ -24,8 +25,6 @@ from study.records import EventRow, StudyError, TrialRow, utc_text
 from study.store import Batch, Store
 
 router = experimenters_router("results")
-
-TrialNumber = Annotated[int, Path(description="Number of the trial, from 1.")]
 
 
 class VerdictLine(BaseModel):
@@ -144,8 +143,8 @@ async def read_quality(
     lab: TheLab,
     who: Experimenter,
     show: Annotated[Literal["all", "good", "suspect"], Query(description="Only trials of this verdict.")] = "all",
-    offset: Annotated[int, Query(ge=0, description="How many trials to pass over.")] = 0,
-    limit: Annotated[int, Query(ge=1, le=500, description="How many trials to send at most.")] = 50,
+    offset: Offset = 0,
+    limit: Limit = 50,
 ) -> QualityReply:
     """The verdict over every trial that has ended, pilots and demos included."""
     # Beside the writing thread, here and in `summary`: ticks do not wait for it.

@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 from app.lab.lab import Lab, NoSuchParticipant, RecordUnreadable
 from app.session.commands import Command, NotNow
 from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
+from app.web.numbers import Limit, Offset
 from app.web.qr_code import qr_svg
 from app.web.sessions_api import Known, in_order_of_enrolment, number_of
 from study.flow import roster
@@ -145,7 +146,7 @@ class WithdrawRequest(RequestBody):
 class EraseRequest(RequestBody):
     """The id once more, so that nobody is erased by a slip."""
 
-    confirm: str
+    confirm: Annotated[str, Field(max_length=100)]
     """Must equal the id in the path."""
 
 
@@ -211,8 +212,8 @@ async def _may(lab: Lab, act: Act, participant: str) -> None:
 async def read_roster(
     lab: TheLab,
     who: Experimenter,
-    offset: Annotated[int, Query(ge=0, description="How many lines to pass over.")] = 0,
-    limit: Annotated[int, Query(ge=1, le=500, description="How many lines to send at most.")] = PAGE,
+    offset: Offset = 0,
+    limit: Limit = PAGE,
     show: Annotated[Show, Query(description="Only participants of this kind or in this state.")] = "all",
     search: Annotated[
         str, Query(max_length=200, description="Only participants whose id, label or link's ids have this in them.")

@@ -53,6 +53,15 @@ MAX_LENGTH_DIGITS = 18
 """Of a Content-Length: more of them Python might refuse to read."""
 
 
+EVERYWHERE: dict[int | str, dict[str, Any]] = {
+    411: {"model": ErrorReply, "description": "the request does not say how large it is"},
+    413: {"model": ErrorReply, "description": "the request is too large"},
+    422: {"model": ErrorReply, "description": "what was sent is wrong"},
+    503: {"model": ErrorReply, "description": "the lab cannot do this now"},
+}
+"""What every route may answer."""
+
+
 class ServedFiles(StaticFiles):
     """What pages load. The folders' own READMEs are for those who work on them."""
 
@@ -80,6 +89,7 @@ def create_app(lab: Lab) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         lifespan=lifespan,
+        responses=EVERYWHERE,
     )
     app.state.lab = lab
     app.add_middleware(Named)  # around the router, inside of everything that answers by itself

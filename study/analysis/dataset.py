@@ -7,6 +7,7 @@ ticks, so of those only the columns the measures need are read, a block at a tim
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
@@ -19,12 +20,15 @@ import pandas as pd
 from study.analysis.measures import TIME_LIMIT, Measures, measure
 from study.analysis.summaries import conditions_of
 from study.definition.builtin_questionnaires import Instrument
+from study.definition.files_beside import MOST_STUDY_BYTES
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
 from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
 from study.flow.recorded import ARM_FREED
+from study.json_text import parse_json
 from study.records import AlertRow, EventRow, ParticipantRow, RecordProblem, StudyError, TaskRow, TrialRow
+from study.text_file import FileProblem, opened_table, read_text
 
 _TICK_TYPES: dict[str, Any] = {
     "participant": "category",
@@ -255,24 +259,26 @@ class _Ticks:
     def read(self) -> Generator[LightTick, None, None]:
         path = self._folder / "ticks.csv"
         try:
-            header = pd.read_csv(path, nrows=0).columns
+            with opened_table(path, within=self._folder) as file:
+                header = pd.read_csv(file, nrows=0).columns
             missing = [name for name in _TICK_TYPES if name not in header and name != _FIRST_ATTEMPT]
             if missing:
                 raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-            with pd.read_csv(
-                path,
-                usecols=[name for name in _TICK_TYPES if name in header],
-                dtype=_TICK_TYPES,
-                keep_default_na=False,
-                na_values={"task": [""]},
-                chunksize=_BLOCK_ROWS,
-            ) as blocks:
+            with (
+                opened_table(path, within=self._folder) as file,
+                pd.read_csv(
+                    file,
+                    usecols=[name for name in _TICK_TYPES if name in header],
+                    dtype=_TICK_TYPES,
+                    keep_default_na=False,
+                    na_values={"task": [""]},
+                    chunksize=_BLOCK_ROWS,
+                ) as blocks,
+            ):
                 for block in blocks:
                     yield from self._of(block)
         except AnalysisError:
             raise
-        except FileNotFoundError:
-            raise AnalysisError(f"{path}: missing; export the data again") from None
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             read_table(self._folder, "ticks")  # reads slowly, and names the line and the cell
             raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
@@ -309,16 +315,17 @@ def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> 
 
 
 def _studies(folder: Path, meta: dict[str, Any]) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    several = sorted(folder.glob("study-*.toml"))
-    paths = several or sorted(folder.glob("study.toml"))
+    names = sorted(name for name in os.listdir(folder) if name.endswith(".toml"))
+    several = [folder / name for name in names if name.startswith("study-")]
+    paths = several or [folder / name for name in names if name == "study.toml"]
     if not paths:
         return {}, ["The export holds no study file: the settings of robot, distractor and texts are not stated."]
     studies = {}
     for path in paths:
         try:
-            studies[path.name] = parse_toml(path.read_bytes(), str(path))[0]
-        except OSError as error:
-            raise AnalysisError(f"{path}: cannot be read: {error.strerror or error}") from None
+            studies[path.name] = parse_toml(read_text(path, MOST_STUDY_BYTES, within=folder).encode(), str(path))[0]
+        except FileProblem as problem:
+            raise AnalysisError(str(problem)) from None
     notes = []
     if len(meta.get("studies", ())) > 1:
         notes.append(
@@ -348,7 +355,7 @@ def _parameters(trials: list[TrialRow]) -> tuple[dict[str, tuple[dict[str, Any],
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for row in trials:
         try:
-            parameters = json.loads(row.parameters)
+            parameters = parse_json(row.parameters)
         except ValueError:
             parameters = None
         if not isinstance(parameters, dict):

@@ -5,7 +5,6 @@ OUT/report.html  measures.json  figures/*.svg *.png  tables/*.csv
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -23,9 +22,12 @@ from study.analysis.method_text import interval, mean_sd, methods, number, p_val
 from study.analysis.report_pieces import label_of, name_of, relation, table
 from study.analysis.summaries import summarise
 from study.analysis.tables import MEASURES_FORMAT, all_tables, measures_json
+from study.json_text import parse_json
+from study.text_file import read_text
 
 PAGE_NAME = "report.html"
 MEASURES_NAME = "measures.json"
+MOST_MEASURES_BYTES = 100_000_000
 
 
 def write_report(analysis: Analysis, out_dir: Path | str, heatmap: Heatmap | None = None) -> Path:
@@ -72,8 +74,8 @@ def claim(folder: Path) -> None:
 
 def _is_report(folder: Path) -> bool:
     try:
-        content = json.loads((folder / MEASURES_NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = parse_json(read_text(folder / MEASURES_NAME, MOST_MEASURES_BYTES))
+    except ValueError:
         return False
     return isinstance(content, dict) and content.get("format") == MEASURES_FORMAT
 

@@ -5,6 +5,7 @@ Their text is taken into the study's, so that the text and its hash hold all the
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +21,12 @@ from study.definition.toml_writer import as_table, long_text, toml
 from study.definition.translations import translation_beside
 from study.parts.errors import PartError
 from study.parts.shelf import Shelf
+from study.text_file import FileProblem, read_text
 
+MOST_STUDY_BYTES = 20_000_000
+"""Of a study file: one that holds all its meshes and sources itself has a few millions."""
+MOST_BESIDE_BYTES = 1_000_000
+"""Of a questionnaire or a layout beside it."""
 _IDENTIFIER = re.compile(r"[a-z0-9][a-z0-9_]*\Z")
 _PLACEHOLDER = """
 [[questionnaires]]
@@ -38,7 +44,10 @@ _PLACEHOLDER_MESH = "v 0 0 0\nv 1 0 1\nv 0 1 0\nf 1 2 3\n"
 def with_files_beside(file: Path, shelf: Shelf | None) -> tuple[bytes, list[FileBeside], list[str], list[FieldPath]]:
     """A study file's text with that of the files beside it, those files, what keeps one from being read, and the places
     of parts of which that is told."""
-    source = _read(file)
+    try:
+        source = read_text(file, MOST_STUDY_BYTES).encode()
+    except FileProblem as problem:
+        raise StudyFileError([str(problem)]) from None
     data, text = parse_toml(source, str(file))
     problems: list[str] = []
     added, beside = _layout_beside(file, data, problems)
@@ -66,22 +75,22 @@ def _questionnaires_beside(
         if name in own_ids(data) or not _IDENTIFIER.match(name):
             continue
         beside = file.with_name(f"{name}.toml")
-        if name in INSTRUMENTS and (data.get("language", "en") == "en" or not beside.is_file()):
+        if name in INSTRUMENTS and (data.get("language", "en") == "en" or not os.path.lexists(beside)):
             continue
         try:
             packages = shelf if name not in INSTRUMENTS else None
             brought = packaged_questionnaire(name, packages.registries["questionnaire"]) if packages else None
-            if brought is not None and beside.is_file():
+            if brought is not None and os.path.lexists(beside):
                 raise PartError(f"stands in {beside.name} and is brought by {brought[1]} as well; rename the file")
         except PartError as error:
             unread.append(Problem(("surveys", names.index(name)), str(error)))
             added.append(_PLACEHOLDER.format(name=name))
             continue
-        if brought is None and not beside.is_file():
+        if brought is None and not os.path.lexists(beside):
             continue
-        text = brought[0] if brought is not None else _read(beside)
         origin = f"as {brought[1]} brought it" if brought is not None else "as it stood beside this file"
-        found = file_problems(text, str(beside))
+        text, found = (brought[0], ()) if brought is not None else _read_beside(beside)
+        found = found or file_problems(text, str(beside))
         problems += found
         usable = as_table("questionnaires", name, parse_toml(text, str(beside))[0], origin) if not found else None
         added.append(usable or _PLACEHOLDER.format(name=name))
@@ -96,28 +105,32 @@ def _layout_beside(file: Path, data: Mapping[str, Any], problems: list[str]) -> 
     beside: list[FileBeside] = []
     candidate = file.with_name(f"{name}.toml") if isinstance(name, str) and _IDENTIFIER.match(name) else None
     is_own = candidate is not None and name not in own and name not in shipped_layouts() and isinstance(entries, list)
-    if candidate is not None and is_own and candidate.is_file():
-        layout, text = parse_toml(_read(candidate), str(candidate))
+    if candidate is not None and is_own and os.path.lexists(candidate):
+        source, unread = _read_beside(candidate)
+        if unread:
+            raise StudyFileError(unread)
+        layout, text = parse_toml(source, str(candidate))
         beside.append(FileBeside(("layouts", len(entries)), str(candidate), text, layout))
         added.append(as_table("layouts", str(name), layout))
         own[str(name)] = layout
     meshes = data.get("meshes")
     there = {entry.get("file") for entry in (meshes if isinstance(meshes, list) else ()) if isinstance(entry, dict)}
     for mesh in dict.fromkeys(mesh for layout in own.values() for mesh in mesh_names(layout)):
-        if mesh in there or not file.with_name(mesh).is_file():
+        if mesh in there or not os.path.lexists(file.with_name(mesh)):
             continue
         try:
             text = read_mesh(file.with_name(mesh))
-        except StudyFileError as error:
-            problems += [f"{file.with_name(mesh)}: {sentence}" for sentence in error.problems]
+        except FileProblem as problem:
+            problems.append(str(problem))
             text = _PLACEHOLDER_MESH
         lines = ["", f"# {mesh}, as it stood beside this file", "[[meshes]]", f"file = {toml(mesh)}"]
         added.append("\n".join([*lines, f"text = {long_text(text)}"]) + "\n")
     return added, beside
 
 
-def _read(file: Path) -> bytes:
+def _read_beside(file: Path) -> tuple[bytes, tuple[str, ...]]:
+    """What stands in a file that the study file names, or why that cannot be told."""
     try:
-        return file.read_bytes()
-    except OSError as error:
-        raise StudyFileError([f"{file}: cannot be read: {error.strerror or error}"]) from None
+        return read_text(file, MOST_BESIDE_BYTES, within=file.parent).encode(), ()
+    except FileProblem as problem:
+        return b"", (str(problem),)

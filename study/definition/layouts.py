@@ -23,7 +23,8 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from study.definition.field_types import Identifier, Label, Part, Text, number
-from study.definition.toml_reader import FieldPath, Problem, StudyFileError, model_problems, parse_toml, report, tables
+from study.definition.toml_reader import FieldPath, Problem, model_problems, parse_toml, report, tables
+from study.text_file import read_text
 
 HERE = Path(__file__).parent
 PRACTICE_OBJECT = "practice_block"
@@ -306,16 +307,6 @@ class _MeshName(Part):
 
 
 def read_mesh(file: Path) -> str:
-    """The text of a mesh file; raises `StudyFileError`, in one line, for one that cannot be embedded."""
-    try:
-        with file.open("rb") as opened:
-            raw = opened.read(MOST_MESH_BYTES + 1)
-    except OSError as error:
-        raise StudyFileError([f"cannot be read: {error.strerror or error}"]) from None
-    if len(raw) > MOST_MESH_BYTES:
-        raise StudyFileError([f"is larger than {MOST_MESH_BYTES / 1e6:g} MB, the most a study carries along"])
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise StudyFileError([f"is not UTF-8 text (byte {error.start}); save it as a Wavefront OBJ file"]) from None
+    """The text of a mesh file. Raises `FileProblem` for one that cannot be embedded."""
+    text = read_text(file, MOST_MESH_BYTES, within=file.parent)
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -14,6 +14,9 @@ from pathlib import Path
 from study.definition.questionnaires import file_problems
 from study.parts.errors import PartError
 from study.parts.registry import Registry
+from study.text_file import FileProblem, read_text
+
+MOST_BYTES = 1_000_000
 
 
 def packaged_questionnaire(name: str, registry: Registry) -> tuple[bytes, str] | None:
@@ -28,9 +31,9 @@ def packaged_questionnaire(name: str, registry: Registry) -> tuple[bytes, str] |
     brought = registry.load(name)
     if isinstance(brought, Path):
         try:
-            source = brought.read_bytes()
-        except OSError as error:
-            raise PartError(f"{called}: {brought.name} cannot be read: {error.strerror or error}") from None
+            source = read_text(brought, MOST_BYTES).encode()
+        except FileProblem as problem:
+            raise PartError(f"{called}: {brought.name} {problem.reason}") from None
     elif isinstance(brought, str):
         source = brought.encode()
     else:

@@ -248,8 +248,7 @@ def parse_study(
 ) -> Study:
     """A study from the text of its file; as `load_study`. `beside` are the files whose text it has taken in, `told`
     the places of parts about which everything is told already."""
-    raw = source.encode() if isinstance(source, str) else source
-    data, text = parse_toml(raw, name)
+    data, text = parse_toml(source.encode() if isinstance(source, str) else source, name)
     reserved = [
         Problem((key,), "unknown field; it is computed from the file") for key in Study.NOT_IN_FILE if key in data
     ]
@@ -260,7 +259,7 @@ def parse_study(
     if wrong:
         raise report(name, text, data, wrong, beside)
     return Study.model_validate(
-        {**data, "hash": hashlib.sha256(raw).hexdigest(), "source_text": text},
+        {**data, "hash": hashlib.sha256(text.encode()).hexdigest(), "source_text": text},
     )
 
 

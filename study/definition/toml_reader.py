@@ -10,7 +10,7 @@ import difflib
 import re
 import sys
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union, get_args, get_origin
 
@@ -19,6 +19,7 @@ import pydantic
 from pydantic.fields import FieldInfo
 
 from study.records import StudyError
+from study.text_file import text_of
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -27,17 +28,31 @@ else:
 
 FieldPath = tuple[Union[str, int], ...]  # noqa: UP007 - evaluated at run time on 3.10 as well
 
-_HEADER = re.compile(r"^\s*(\[\[?)\s*([A-Za-z0-9_.\"' -]+?)\s*(\]\]?)\s*(#.*)?$")
+_HEADER = re.compile(r"^\s*(\[\[?)([A-Za-z0-9_.\"' \t-]+)(\]\]?)\s*(#.*)?$")
 _KEY = re.compile(r"^\s*([A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')\s*=\s*(.*)$")
 _LONGEST_VALUE_SHOWN = 60
+_LONGEST_PROBLEM = 1_000
+_MOST_DEPTH = 50
+"""Of tables and lists in one another; a study has four."""
+_KEY_PARTS = re.compile(rf"(?<![\w\"'-])(?:(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')[ \t]*\.[ \t]*){{{_MOST_DEPTH}}}", re.ASCII)
+"""The beginning of a key of more parts than that, which the library takes a time for that grows with their square."""
+_LONG_NUMBER = re.compile(r"\d[\d_]{1000}")
+_MOST_WHOLE = 2**63 - 1
+"""The largest whole number that TOML has, and that a database holds."""
 
 
 class StudyFileError(StudyError):
     """A study file that cannot be used. `problems` holds one line for each thing that is wrong."""
 
     def __init__(self, problems: Sequence[str]) -> None:
-        self.problems = tuple(problems)
+        self.problems = tuple(in_one_line(problem) for problem in problems)
         super().__init__("\n".join(self.problems))
+
+
+def in_one_line(text: str) -> str:
+    """A sentence with what would break or steer its line as escapes, whatever stands in the file that it is about."""
+    plain = "".join(sign if sign.isprintable() or sign == "\u00a0" else repr(sign)[1:-1] for sign in text)
+    return plain if len(plain) <= _LONGEST_PROBLEM else f"{plain[: _LONGEST_PROBLEM - 1]}…"
 
 
 @dataclass(frozen=True)
@@ -51,17 +66,57 @@ class Problem:
 def parse_toml(source: bytes, name: str) -> tuple[dict[str, Any], str]:
     """The data and the text of a TOML file; raises `StudyFileError` with the line where reading stopped."""
     try:
-        text = source.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise StudyFileError([f"{name}: not UTF-8 text (byte {error.start}); save the file as UTF-8"]) from None
+        text = text_of(source)
+    except ValueError as error:
+        raise StudyFileError([f"{name}: {error}"]) from None
+    deep = _KEY_PARTS.search(text)
+    if deep:
+        raise StudyFileError([f"{name}:{_line(text, deep.start())}: nested too deeply"])
     try:
-        return tomllib.loads(text), text
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         found = re.search(r" \(at line (\d+), column (\d+)\)", message)
         line = found.group(1) if found else str(text.count("\n") + 1)
         sentence = re.sub(r" \(at .*\)$", "", message)
         raise StudyFileError([f"{name}:{line}: not valid TOML: {sentence}"]) from None
+    except RecursionError:
+        raise StudyFileError([f"{name}: nested too deeply"]) from None
+    except ValueError:  # the library's own are all of the kind above; this is Python's, of a number it will not read
+        long = _LONG_NUMBER.search(text)
+        raise StudyFileError([f"{name}:{_line(text, long.start() if long else 0)}: a number is too long"]) from None
+    problems = [report(name, text, data, [problem]).problems[0] for problem in _beyond(data)]
+    if problems:
+        raise StudyFileError(problems)
+    return data, text
+
+
+def _line(text: str, position: int) -> int:
+    return text.count("\n", 0, position) + 1
+
+
+def _beyond(data: Mapping[str, Any]) -> Iterator[Problem]:
+    """What TOML's grammar lets pass and no database takes: the first of each kind."""
+    waiting: list[tuple[FieldPath, Any]] = [((), data)]
+    told: set[str] = set()
+    while waiting:
+        path, value = waiting.pop()
+        sentence = ""
+        if len(path) > _MOST_DEPTH:
+            sentence = "nested too deeply"
+        elif isinstance(value, Mapping):
+            waiting += [((*path, key), inner) for key, inner in value.items()]
+            if any("\x00" in key for key in value):
+                sentence = "a name has the character U+0000 in it"
+        elif isinstance(value, list):
+            waiting += [((*path, number), inner) for number, inner in enumerate(value)]
+        elif isinstance(value, str):
+            sentence = "the character U+0000 is no text" if "\x00" in value else ""
+        elif isinstance(value, int) and not -_MOST_WHOLE - 1 <= value <= _MOST_WHOLE:
+            sentence = "a whole number must fit into 64 bits"
+        if sentence and sentence not in told:
+            told.add(sentence)
+            yield Problem(path, sentence)
 
 
 @dataclass(frozen=True)
@@ -161,7 +216,7 @@ def line_numbers(text: str) -> dict[FieldPath, int]:
     place: FieldPath = ()
     depth, closing = 0, ""  # inside a value that goes on over lines: open brackets, or a multi-line string
     entries = _Entries()
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text.split("\n"), start=1):  # U+2028 and the like end no line of TOML
         if closing:
             if closing in line:
                 closing = ""

@@ -5,6 +5,7 @@ The file's text is copied into the study's when it is loaded, so that the text a
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from study.definition.toml_reader import Problem, closest
 from study.definition.toml_writer import long_text, toml
 from study.language.catalogue import Mistake, read, shipped, shipped_text
 from study.language.locales import TAG, language
+from study.text_file import FileProblem, read_text
 
 LanguageTag = Annotated[str, Field(pattern=TAG, max_length=35, strict=True)]
 TranslationName = Annotated[str, Field(pattern=r"^([A-Za-z0-9_][A-Za-z0-9_.-]*\.po)?$", max_length=100, strict=True)]
@@ -37,19 +39,12 @@ def translation_beside(file: Path, data: Mapping[str, Any], problems: list[str])
     if not isinstance(name, str) or not name.endswith(".po") or Path(name).name != name or data.get("translations"):
         return []
     beside = file.with_name(name)
-    if not beside.is_file():
+    if not os.path.lexists(beside):
         return []  # told with the study file's own problems
     try:
-        raw = beside.read_bytes()
-        if len(raw) > MOST_BYTES:
-            raise ValueError(f"is larger than {MOST_BYTES / 1e6:g} MB, the most a study carries along")
-        text = raw.decode("utf-8").replace("\r\n", "\n")
-    except OSError as error:
-        problems.append(f"{beside}: cannot be read: {error.strerror or error}")
-    except UnicodeDecodeError as error:
-        problems.append(f"{beside}: not UTF-8 text (byte {error.start}); save the file as UTF-8")
-    except ValueError as error:
-        problems.append(f"{beside}: {error}")
+        text = read_text(beside, MOST_BYTES, within=file.parent).replace("\r\n", "\n")
+    except FileProblem as problem:
+        problems.append(str(problem))
     else:
         tag = str(data.get("language", "en"))
         found = read(text, tag).mistakes if language(tag) is not None else ()

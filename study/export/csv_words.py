@@ -14,6 +14,8 @@ import math
 import re
 from functools import lru_cache
 
+from study.json_text import parse_json
+
 HOW_TO_READ = (
     "In the CSV a text that readers take for something else (NA, null, 007, True, =1) stands as JSON, in double quotes"
 )
@@ -42,7 +44,7 @@ def text_of(cell: str) -> str:
     """The text of a cell. Raises `ValueError` for a cell in double quotes that is no text in JSON."""
     if not cell.startswith('"'):
         return cell
-    text = json.loads(cell)
+    text = parse_json(cell)
     if not isinstance(text, str):
         raise ValueError(cell)
     return text

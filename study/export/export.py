@@ -16,9 +16,12 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
+import reprlib
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields
 from itertools import islice
@@ -30,7 +33,9 @@ from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
 from study.export.csv_words import cell_of, text_of
 from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
+from study.json_text import parse_json, whole_number
 from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
+from study.text_file import FileProblem, opened_table, read_bytes, read_text, table_text
 
 if TYPE_CHECKING:  # simulated studies are exported too, and need no database
     from study.store import Snapshot, Store
@@ -39,6 +44,8 @@ META_NAME = "meta.json"
 FORMAT = "shared-autonomy-lab export"
 WORDS = "json where quoted"
 """How words stand in the CSV (`study.export.csv_words`); exports that do not say so have them bare."""
+MOST_META_BYTES = 5_000_000
+AS_SAVED = "a spreadsheet has saved it with ; between the cells, and may have changed numbers; export the data again"
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 """A fixed time in the archive: equal data give equal bytes."""
 
@@ -52,7 +59,23 @@ _WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
 _AS_IT_IS: Mapping[str, Any] = {**_WRITERS, "str": str}
 _BATCH_ROWS = 20_000
 """Rows that are written at a time, column by column: the groups of rows in the Parquet files."""
-_PARSERS: Mapping[str, Any] = {"int": int, "float": float, "str": str}
+
+
+def _whole(cell: str) -> int:
+    """As written by an export: Python's own `int` also takes `1_000`, blanks, and other scripts' digits."""
+    if not cell.isascii() or not cell.removeprefix("-").isdigit():
+        raise ValueError(cell)
+    return whole_number(cell)
+
+
+def _finite(cell: str) -> float:
+    number = float(cell)
+    if not math.isfinite(number) or "_" in cell:
+        raise ValueError(cell)
+    return number
+
+
+_PARSERS: Mapping[str, Any] = {"int": _whole, "float": _finite, "str": str}
 _NOUNS = {"int": "a whole number", "float": "a number", "str": "text"}
 
 
@@ -153,9 +176,11 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
     quoted = read_meta(folder).get("words") == WORDS
     path = folder / f"{table}.csv"
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with opened_table(path, within=folder) as raw, table_text(raw) as file:
             reader = csv.reader(file)
             header = next(reader, [])
+            if len(header) == 1 and ";" in header[0]:
+                raise ExportError(f"{path}: {AS_SAVED}")
             infos = tuple(info for info in known if info.name in header or info.name not in later)
             missing = [info.name for info in infos if info.name not in header]
             if missing:
@@ -164,26 +189,34 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
             cells = [(info.name, header.index(info.name), _reader(info, quoted)) for info in infos]
             whose = header.index("participant")
             for line in reader:
+                if not line:
+                    continue  # a blank line, as some editors leave at the end
                 try:
                     if participant is None or line[whose] == participant:
                         yield row_type(**{name: parse(line[position]) for name, position, parse in cells})
                 except (ValueError, IndexError):
                     # `line_num` is the last line of the row: cells may hold line breaks.
                     raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line)}") from None
-    except FileNotFoundError:
-        raise ExportError(f"{path}: missing; export the data again") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except FileProblem as problem:
+        if not os.path.lexists(path):
+            raise ExportError(f"{path}: missing; export the data again") from None
+        raise ExportError(str(problem)) from None
+    except UnicodeDecodeError as error:
+        raise ExportError(f"{path}: not UTF-8 text ({error.reason}); export the data again") from None
+    except (OSError, csv.Error) as error:
         raise ExportError(f"{path}: cannot be read: {error}") from None
 
 
 def read_meta(in_dir: Path | str) -> dict[str, Any]:
     """`meta.json` of an export, checked to be of this schema version."""
     path = Path(in_dir) / META_NAME
+    if not os.path.lexists(path):
+        raise ExportError(f"{path.parent}: no export here ({META_NAME} is missing)")
     try:
-        meta = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ExportError(f"{path.parent}: no export here ({META_NAME} is missing)") from None
-    except (OSError, ValueError) as error:
+        meta = parse_json(read_text(path, MOST_META_BYTES, within=path.parent))
+    except FileProblem as problem:
+        raise ExportError(str(problem)) from None
+    except ValueError as error:
         raise ExportError(f"{path}: cannot be read: {error}") from None
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:
         raise ExportError(f"{path}: not the {META_NAME} of an export of this lab")
@@ -210,9 +243,9 @@ def _pack(folder: Path, archive: Path) -> None:
 
 def _is_archive(path: Path) -> bool:
     try:
-        with zipfile.ZipFile(path) as archive:
-            return _is_ours(archive.read(META_NAME))
-    except (OSError, KeyError, zipfile.BadZipFile):
+        with zipfile.ZipFile(path) as archive, archive.open(META_NAME) as meta:
+            return _is_ours(meta.read(MOST_META_BYTES))  # no more, however much it says it unpacks to
+    except (OSError, KeyError, RuntimeError, NotImplementedError, zlib.error, EOFError, zipfile.BadZipFile):
         return False
 
 
@@ -233,14 +266,14 @@ def _claim(folder: Path) -> None:
 def _is_export(folder: Path) -> bool:
     """Whether the folder holds an export of any schema version, or one that was interrupted."""
     try:
-        return _is_ours((folder / META_NAME).read_bytes())
-    except OSError:
+        return _is_ours(read_bytes(folder / META_NAME, MOST_META_BYTES, within=folder))
+    except FileProblem:
         return False
 
 
 def _is_ours(meta_json: bytes) -> bool:
     try:
-        meta = json.loads(meta_json)
+        meta = parse_json(meta_json)
     except ValueError:
         return False
     return isinstance(meta, dict) and meta.get("format") == FORMAT
@@ -394,6 +427,6 @@ def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str]
         try:
             _reader(info)(line[position])
         except ValueError:
-            value = repr(line[position]) if line[position] else "blank"
+            value = reprlib.repr(line[position]) if line[position] else "blank"
             return f"{info.name} is {value}, must be {_NOUNS[info.type]}"
     return "cannot be read"

@@ -41,6 +41,8 @@ Text = Annotated[str, Field(max_length=MAX_TEXT_CHARACTERS), AfterValidator(_rea
 Name = Annotated[str, Field(max_length=200)]
 MAX_NOTE_CHARACTERS = 2000
 """How long a note's data may be, as JSON."""
+Count = Annotated[int, Field(ge=1, le=2**53 - 1)]
+"""Counts from 1, as far as every reader of JSON takes a whole number as it is."""
 Content: TypeAlias = Mapping[str, Any]
 """What a view needs, by name; it goes over the wire as JSON."""
 

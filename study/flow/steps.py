@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel
 
 from study.flow.flow import FLOW, Flow
-from study.flow.page import StepData, Text
+from study.flow.page import Count, StepData, Text
 
 
 class AlertData(StepData):
     """Which reading, and what was typed."""
 
-    alert: Annotated[int, Field(ge=1)]
+    alert: Count
     """Number of the reading, as in `alert`."""
     value: Text | None = None
     """What was typed, for `alert_answer`."""

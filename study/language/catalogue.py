@@ -80,7 +80,7 @@ def read(text: str, tag: str) -> Catalogue:
         return Catalogue(mistakes=(Mistake(int(line or 0) + 1, f"not a valid PO file: {sentence}"),))
     mistakes = [
         Mistake(number, "not a valid PO file: a text has to begin and end with a quotation mark on its line")
-        for number, line in enumerate(text.splitlines(), start=1)
+        for number, line in enumerate(text.split("\n"), start=1)
         if line.strip() and not _LINE.match(line.strip())
     ]
     written = str(found.locale_identifier or "").replace("_", "-")
@@ -122,7 +122,7 @@ def _headers(text: str) -> Mapping[str, str]:
     from babel.messages.pofile import denormalize
 
     found = re.search(r'^msgid ""\s*\nmsgstr ((?:"(?:[^"\\]|\\.)*"\s*)+)', text, re.MULTILINE)
-    lines = denormalize(found[1].rstrip()).splitlines() if found else ()
+    lines = denormalize(found[1].rstrip()).split("\n") if found else ()
     return {name.strip().lower(): said.strip() for name, _, said in (line.partition(":") for line in lines)}
 
 

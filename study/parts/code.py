@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import io
 import json
 import linecache
-import stat
 import sys
 import types
 from collections.abc import Mapping
@@ -21,6 +21,7 @@ from typing import Any
 
 from study.parts.errors import PartError, one_line
 from study.parts.registry import Registered, Registry
+from study.text_file import FileProblem, read_text
 
 MAX_SOURCE_BYTES = 1_000_000
 """Of one part's source that a study's text holds; a package that is larger is known by its hash alone."""
@@ -71,22 +72,10 @@ def code_beside(kind: str, name: str, folder: Path) -> Code:
     file, _, attribute = name.partition(":")
     if not attribute.isidentifier() or Path(file).name != file or not Path(file).stem.isidentifier():
         raise PartError(f"{kind} {name!r}; a file beside the study file is named as blend.py:Blend")
-    path = folder / file
     try:
-        mode = path.lstat().st_mode
-        if not stat.S_ISREG(mode):
-            kind_of_file = "a symbolic link" if stat.S_ISLNK(mode) else "no regular file"
-            raise PartError(f"{kind} {name!r}: {file} is {kind_of_file}; put the file itself beside the study file")
-        with path.open("rb") as opened:
-            source = opened.read(MAX_SOURCE_BYTES + 1)
-    except OSError as error:
-        raise PartError(f"{kind} {name!r} cannot be read: {error.strerror or error}") from None
-    if len(source) > MAX_SOURCE_BYTES:
-        raise PartError(f"{kind} {name!r} has more than {MAX_SOURCE_BYTES} bytes, the most a study carries along")
-    try:
-        text = source.decode("utf-8-sig")  # an editor may have put a byte order mark before it
-    except UnicodeDecodeError as error:
-        raise PartError(f"{kind} {name!r} is not UTF-8 text (byte {error.start})") from None
+        text = read_text(folder / file, MAX_SOURCE_BYTES, within=folder)
+    except FileProblem as problem:
+        raise PartError(f"{kind} {name!r}: {file} {problem.reason}") from None
     files = {file: text.replace("\r\n", "\n")}
     return Code(kind, name, sha256_of(files), files)
 
@@ -134,7 +123,7 @@ def _class_in_text(code: Code, registry: Registry, called: str) -> Any:
     (file, text), attribute = next(iter(code.files.items())), code.name.partition(":")[2]
     module_name = f"salab_{Path(file).stem}_{code.sha256[:16]}"
     shown = f"{file} ({code.sha256[:8]})"
-    linecache.cache[shown] = (len(text), None, text.splitlines(keepends=True), shown)  # tracebacks show its lines
+    linecache.cache[shown] = (len(text), None, io.StringIO(text).readlines(), shown)  # tracebacks show its lines
     module = sys.modules.get(module_name)
     try:
         if module is None:

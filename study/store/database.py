@@ -208,7 +208,8 @@ class Database:
                 revision = migration.revision_of(connection, existing, self.path)
                 verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
                 if verdict != "ok":
-                    raise StoreError(f"{self.path}: damaged: {str(verdict).splitlines()[0]}")
+                    first = str(verdict).partition("\n")[0]
+                    raise StoreError(f"{self.path}: damaged: {first}")
             elif is_reader or not is_new:
                 raise StoreError(
                     f"{self.path}: no lab data here, the database is empty; a copy made while a lab ran is whole only "

@@ -106,7 +106,7 @@ def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
     try:
         command.upgrade(config, HEAD)
     except Exception as error:  # whatever a revision raises, the file stays as it was
-        line = str(getattr(error, "orig", None) or error).splitlines()[0]
+        line = str(getattr(error, "orig", None) or error).partition("\n")[0]
         raise StoreError(
             f"{path}: cannot be brought from schema {revision} to {HEAD}: {type(error).__name__}: {line}; "
             "nothing was changed"

@@ -108,7 +108,7 @@ def test_a_class_of_two_lines_does_the_same(folder: Path) -> None:
     [
         ((), "name what to check: --arbiter, --inference or --robot"),
         (("--arbiter", "nobody"), "no arbiter 'nobody'; arbiters are teleoperation, goal_oriented, balanced"),
-        (("--arbiter", "gone.py:Gone"), "arbiter 'gone.py:Gone' cannot be read: No such file"),
+        (("--arbiter", "gone.py:Gone"), "arbiter 'gone.py:Gone': gone.py cannot be read: No such file"),
         (("--arbiter", "follow.py:Follow", "--parameters", "{"), "--parameters '{' is not JSON"),
     ],
 )

@@ -232,8 +232,8 @@ def test_all_problems_of_both_files_are_told_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mug", "says"),
     [
-        (b"v 0 0 0\n" * 200_000, "mug.obj: is larger than 1 MB, the most a study carries along"),
-        (b"v \xff\n", "mug.obj: is not UTF-8 text (byte 2); save it as a Wavefront OBJ file"),
+        (b"v 0 0 0\n" * 200_000, "mug.obj: is larger than 1 MB, the most that is read"),
+        (b"v \xff\n", "mug.obj: not UTF-8 text (byte 2); save the file as UTF-8"),
         (b"# nothing\n", 'objects[1].mesh = "mug.obj": no faces: a mesh has lines that begin with v'),
     ],
 )

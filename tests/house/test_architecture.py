@@ -46,7 +46,8 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.definition",),
     ("study.parts", "study.language"),
     ("study.integrity",),
-    ("study.records",),
+    ("study.text_file",),
+    ("study.records", "study.json_text"),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
 )

@@ -30,15 +30,19 @@ def refusal(folder: Path) -> str:
 
 def test_a_link_a_pipe_and_a_folder_are_not_read(tmp_path: Path) -> None:
     file = tmp_path / "blend.py"
+    inside = tmp_path / "inside"
+    inside.mkdir()
     (tmp_path / "secret.py").write_text(SOURCE, encoding="utf-8")
+    (inside / "blend.py").symlink_to("../secret.py")
+    assert "blend.py is a link that leads out of its folder; put the file itself there" in refusal(inside)
     file.symlink_to("secret.py")
-    assert "blend.py is a symbolic link; put the file itself beside the study file" in refusal(tmp_path)
+    assert code_beside("part", "blend.py:Blend", tmp_path).files == {"blend.py": SOURCE}
     file.unlink()
     os.mkfifo(file)
     assert "blend.py is no regular file" in refusal(tmp_path)
     file.unlink()
     file.mkdir()
-    assert "blend.py is no regular file" in refusal(tmp_path)
+    assert "blend.py is a folder, not a file" in refusal(tmp_path)
 
 
 def test_a_source_may_begin_with_a_byte_order_mark_and_has_a_bound(tmp_path: Path) -> None:
@@ -48,7 +52,7 @@ def test_a_source_may_begin_with_a_byte_order_mark_and_has_a_bound(tmp_path: Pat
     file.write_bytes(b"#" * MAX_SOURCE_BYTES)
     assert len(code_beside("part", "blend.py:Blend", tmp_path).files["blend.py"]) == MAX_SOURCE_BYTES
     file.write_bytes(b"#" * (MAX_SOURCE_BYTES + 1))
-    assert refusal(tmp_path).endswith(f"has more than {MAX_SOURCE_BYTES} bytes, the most a study carries along")
+    assert refusal(tmp_path).endswith("blend.py is larger than 1 MB, the most that is read")
 
 
 @pytest.mark.parametrize(

@@ -438,7 +438,7 @@ NAMED = "conditions[1].arbiter = \"blend.py:Blend\": arbiter 'blend.py:Blend' "
         (RAISING.format(name="Parameters", error="OSError('no\\nway')"), f"{UNUSABLE}OSError: no way"),
         (EXITS, 'conditions[1].arbiter = "blend.py:Blend": arbiter Blend cannot be made: SystemExit: by e'),
         (TAKEN, f"{UNUSABLE}field 'condition' of "),
-        (None, f"{NAMED}cannot be read: No such file or directory"),
+        (None, f"{NAMED[:-1]}: blend.py cannot be read: No such file or directory"),
     ],
 )
 def test_a_file_that_is_broken_is_one_line(
