@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from typing import get_args
 
 from app.lab.health import Health
+from app.limits import Refusals
 from app.monitoring.metrics import Gauge
 from app.session.session import LiveSession
 from study.flow.flow import Flow
@@ -15,7 +16,12 @@ from study.store import AsyncStore, TroubleKind
 
 
 def gauges(
-    sessions: Collection[LiveSession], store: AsyncStore, health: Health, flow: Flow, dashboards: int
+    sessions: Collection[LiveSession],
+    store: AsyncStore,
+    health: Health,
+    flow: Flow,
+    dashboards: int,
+    refusals: Refusals,
 ) -> Iterator[Gauge]:
     """Of the live sessions, not of everybody ever enrolled: nothing is read from the disk."""
     states = Counter(session.session.state for session in sessions)
@@ -42,3 +48,5 @@ def gauges(
     yield Gauge(
         "salab_workers", "Sessions' processes that are up.", {"": sum(session.has_worker for session in sessions)}
     )
+    yield Gauge("salab_bounds_reached", "How often each bound on what a client may cost was reached.",
+                {str(bound): count for bound, count in refusals.counts.items()}, "bound", is_counter=True)  # fmt: skip

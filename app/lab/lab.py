@@ -136,7 +136,9 @@ class Lab:
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
-        self.metrics = Metrics(lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers)))
+        self.metrics = Metrics(
+            lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers), self.refusals)
+        )
         self.health = Health(
             lambda: self.store.trouble,
             {"workers": lambda: why_no_process(self._workers), "room": lambda: why_no_room(config.data_dir)},

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Histogram, ProcessCollector
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import generate_latest
 from prometheus_client.registry import Collector
 
@@ -24,12 +24,14 @@ REQUEST_S = (0.005, 0.025, 0.1, 0.5, 1.0, 2.5, 10.0)
 
 @dataclass(frozen=True)
 class Gauge:
-    """What something is at the moment it is asked for. `values` is by the value of the label, {"": x} without one."""
+    """What something is at the moment it is asked for. `values` is by the value of the label, {"": x} without one.
+    `is_counter`: it only grows."""
 
     name: str
     text: str
     values: Mapping[str, float]
     label: str = ""
+    is_counter: bool = False
 
 
 @dataclass
@@ -99,7 +101,8 @@ class _Gauges(Collector):
 
     def collect(self) -> Iterator[Metric]:
         for gauge in self._gauges():
-            family = GaugeMetricFamily(gauge.name, gauge.text, labels=[gauge.label] if gauge.label else None)
+            kind = CounterMetricFamily if gauge.is_counter else GaugeMetricFamily
+            family = kind(gauge.name, gauge.text, labels=[gauge.label] if gauge.label else None)
             for label, value in gauge.values.items():
                 family.add_metric([label] if gauge.label else [], value)
             yield family

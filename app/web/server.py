@@ -106,7 +106,6 @@ def create_app(lab: Lab) -> FastAPI:
     _add_pages(app, lab)
     _add_sockets(app, lab)
     app.add_middleware(Prefixed, lab=lab)
-    app.add_middleware(Counted, metrics=lab.metrics)
     _add_views(app, lab)
     app.mount("/static", ServedFiles(directory=STATIC), name="static")
     return app
@@ -117,7 +116,7 @@ def _add_guard(app: FastAPI, lab: Lab) -> None:
     build = app.build_middleware_stack
 
     def guarded() -> ASGIApp:
-        return Guard(build(), lab)
+        return Counted(Guard(build(), lab), lab.metrics)
 
     app.build_middleware_stack = guarded  # type: ignore[method-assign]
 

@@ -98,7 +98,6 @@ ROUTES: tuple[Route, ...] = (
     for_everybody("FILES", "/static", example="/static/participant/participant.js"),
     for_everybody("FILES", "/static-offline-docs", example="/static-offline-docs/swagger-ui.css"),
     for_everybody("GET", "/docs"),
-    for_everybody("GET", "/docs/oauth2-redirect"),
     for_everybody("GET", "/openapi.json"),
     # open parts of the API; the study that is asked here has no open link
     for_everybody("GET", "/api/health"),

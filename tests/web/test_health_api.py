@@ -137,6 +137,7 @@ async def test_what_happens_is_counted_and_nobody_is_in_it(quick_lab: LabServer)
     assert by("salab_sessions", state="trial") == 1
     assert by("salab_connections", role="participant") == by("salab_connections", role="dashboard") == 1
     assert by("salab_workers") == 1
+    assert by("salab_bounds_reached_total", bound="requests") == 0
     assert now["process_resident_memory_bytes", ()] > 0
     token = urlsplit(made["link"]).path.rpartition("/")[2]
     for personal in (made["participant"], token, "Ada", "Rose", "127.0.0.1", quick_lab.experimenter_token):
