@@ -61,13 +61,22 @@ def analyze(
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="REPORT", parser=options.place, help="folder to write the report into")],
+    changed: Annotated[
+        bool, typer.Option("--changed", help="take files as they are that were changed since the export")
+    ] = False,
 ) -> None:
-    """Analyse an export: report, figures, tables, measures.json."""
+    """Analyse an export: report, figures, tables, measures.json.
+
+    An export whose files do not fit its `SHA256SUMS` is refused, so that no accident gets into the results unseen.
+    """
     from app.report.figure2 import heatmap_of
     from study.analysis.analysis import analyse
     from study.analysis.dataset import load
     from study.analysis.report import claim, write_report
+    from study.export.verification import refuse_changed
 
+    if directory.is_dir() and not changed:
+        refuse_changed(directory)
     data = load(directory)
     claim(out)  # before the work, not after it
     print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")

@@ -7,9 +7,10 @@ ticks, so of those only the columns the measures need are read, a block at a tim
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -179,7 +180,9 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
             raise RecordProblem(name, f"{folder}: rows of participant {name} could not be exported; meta.json has more")
     people = [row for row in _analysed(folder, everyone) if row.participant not in left_out]
     names = {row.participant for row in people}
-    all_trials: list[TrialRow] = [row for row in read_table(folder, "trials") if row.participant in names]
+    every_trial: list[TrialRow] = read_table(folder, "trials")
+    _check_participants(folder, "trials", every_trial, everyone)
+    all_trials = [row for row in every_trial if row.participant in names]
     studies, notes = _studies(folder, meta)
     notes += [f"{name} is left out, whose record cannot be used: {problem}." for name, problem in left_out.items()]
     completed = [row for row in all_trials if row.outcome == "completed"]
@@ -198,7 +201,7 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
     kept = {(row.participant, row.trial) for row in trials}
     tasks = [row for row in read_table(folder, "tasks") if (row.participant, row.trial) in kept]
     _check_tasks(folder, trials, tasks)
-    counting = _Ticks(folder, kept)
+    counting = _Ticks(folder, kept, {(row.participant, row.trial) for row in every_trial})
     with closing(counting.read()) as ticks:
         measures = measure(tasks, ticks)
     answers = [
@@ -251,8 +254,8 @@ def _analysed(folder: Path, everyone: list[ParticipantRow]) -> list[ParticipantR
 class _Ticks:
     """The ticks of the trials kept, as a stream; counts them and their pauses while they pass."""
 
-    def __init__(self, folder: Path, kept: set[tuple[str, int]]) -> None:
-        self._folder, self._kept = folder, kept
+    def __init__(self, folder: Path, kept: set[tuple[str, int]], known: set[tuple[str, int]]) -> None:
+        self._folder, self._kept, self._known = folder, kept, known
         self.ticks = 0
         self.pauses = 0
 
@@ -284,15 +287,33 @@ class _Ticks:
             raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
 
     def _of(self, block: pd.DataFrame) -> Iterator[LightTick]:
+        if (block["tick"] < 0).any() or not block["entropy"].abs().lt(math.inf).all():
+            raise ValueError("a tick is negative, or an entropy is no number")
+        if block.duplicated(["participant", "trial", "tick"]).any():
+            raise ValueError("a tick is there twice")
         rows = block[block["task"].notna()]  # resets have no task and are not measured
         trials = rows[["participant", "trial"]].drop_duplicates()
         found = set(zip(trials["participant"].tolist(), trials["trial"].tolist(), strict=True))
+        if not found <= self._known:
+            participant, trial = sorted(found - self._known)[0]
+            raise AnalysisError(
+                f"{self._folder / 'ticks.csv'}: participant {participant}, trial {trial} is not in trials.csv; "
+                "export the data again"
+            )
         if not found <= self._kept:
             places = zip(rows["participant"].tolist(), rows["trial"].tolist(), strict=True)
             rows = rows[[place in self._kept for place in places]]
         self.ticks += len(rows)
         self.pauses += int(rows["after_pause"].sum())
         return map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES if name in rows))
+
+
+def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone: Sequence[ParticipantRow]) -> None:
+    unknown = sorted({row.participant for row in rows} - {row.participant for row in everyone})
+    if unknown:
+        raise AnalysisError(
+            f"{folder / table}.csv: participant {unknown[0]} is not in participants.csv; export the data again"
+        )
 
 
 def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:

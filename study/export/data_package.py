@@ -19,10 +19,10 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 
 from study.export.csv_words import HOW_TO_READ
+from study.integrity.checksums import SUMS_NAME, sums_of
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, UTC, YES_NO, ColumnInfo, columns
 
 DESCRIPTOR_NAME = "datapackage.json"
-SUMS_NAME = "SHA256SUMS"
 CODEBOOK_COLUMNS: Mapping[str, str] = {
     "table": "Table the column is in",
     "column": "Name of the column",
@@ -99,8 +99,17 @@ def write_descriptor(folder: Path, written: Sequence[str], later: Mapping[str, s
     text = json.dumps(descriptor, indent=2, ensure_ascii=False) + "\n"
     (folder / DESCRIPTOR_NAME).write_text(text, encoding="utf-8", newline="")
     sums[DESCRIPTOR_NAME] = _digest(folder / DESCRIPTOR_NAME)
-    lines = [f"{sha256}  {name}\n" for name, (sha256, _) in sorted(sums.items())]
-    (folder / SUMS_NAME).write_text("".join(lines), encoding="utf-8", newline="")
+    text = sums_of({name: sha256 for name, (sha256, _) in sums.items()})
+    (folder / SUMS_NAME).write_text(text, encoding="utf-8", newline="")
+
+
+def descriptor_sums(folder: Path) -> dict[str, str]:
+    """File to SHA-256 as the descriptor has it; empty when it cannot be read."""
+    try:
+        resources = json.loads((folder / DESCRIPTOR_NAME).read_text(encoding="utf-8"))["resources"]
+        return {str(one["path"]): str(one["hash"]).removeprefix("sha256:") for one in resources}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {}
 
 
 def _digest(path: Path) -> tuple[str, int]:
@@ -179,6 +188,27 @@ class ParquetTable:
     def add(self, arrays: Sequence[pa.Array]) -> None:
         """Write what `arrays` has made."""
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+
+
+def parquet_rows(path: Path) -> Iterator[dict[str, Any]]:
+    """The rows of a Parquet file. Raises `ValueError` for one that cannot be read."""
+    try:
+        with parquet.ParquetFile(path) as file:
+            for batch in file.iter_batches():
+                yield from batch.to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise ValueError(f"cannot be read: {' '.join(str(error).split())}") from None
+
+
+def same_in_parquet(info: ColumnInfo, value: Any, row: Mapping[str, Any]) -> bool:
+    """Whether a row of a Parquet file has this value; a column that came later is in none of before."""
+    if info.name not in row:
+        return True
+    other = row[info.name]
+    try:
+        return bool(other == (_time(value) if info.unit == UTC else value))
+    except ValueError:  # a time that is none
+        return False
 
 
 def _time(utc: str | None) -> datetime | None:

@@ -31,10 +31,11 @@ from typing import TYPE_CHECKING, Any
 
 from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
+from study.export.cell_bounds import bounds_of, within_bounds
 from study.export.csv_words import cell_of, text_of
 from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
 from study.json_text import parse_json, whole_number
-from study.records import SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
+from study.records import KEYS, SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
 from study.text_file import FileProblem, opened_table, read_bytes, read_text, table_text
 
 if TYPE_CHECKING:  # simulated studies are exported too, and need no database
@@ -76,7 +77,6 @@ def _finite(cell: str) -> float:
 
 
 _PARSERS: Mapping[str, Any] = {"int": _whole, "float": _finite, "str": str}
-_NOUNS = {"int": "a whole number", "float": "a number", "str": "text"}
 
 
 class ExportError(StudyError):
@@ -167,8 +167,8 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
     """The rows of an exported table as their type, one after the other; of one participant alone, if named.
 
     A column that came later, and so has a default, may be missing: the rows have the default. Raises `ExportError` for
-    a folder that is no export, another schema version, missing columns, or a cell that is not of its column's type
-    (with file and line). Columns that are not known are ignored.
+    a folder that is no export, another schema version, missing columns, a cell that is not of its column's type or
+    beyond its bounds, or a key that is there twice (with file and line). Columns that are not known are ignored.
     """
     known = columns(table)
     later = {item.name for item in fields(TABLES[table]) if item.default is not MISSING}
@@ -187,16 +187,23 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             row_type = TABLES[table]
             cells = [(info.name, header.index(info.name), _reader(info, quoted)) for info in infos]
-            whose = header.index("participant")
+            whose, keys = header.index("participant"), set()
             for line in reader:
                 if not line:
                     continue  # a blank line, as some editors leave at the end
                 try:
-                    if participant is None or line[whose] == participant:
-                        yield row_type(**{name: parse(line[position]) for name, position, parse in cells})
+                    if participant is not None and line[whose] != participant:
+                        continue
+                    row = row_type(**{name: parse(line[position]) for name, position, parse in cells})
                 except (ValueError, IndexError):
                     # `line_num` is the last line of the row: cells may hold line breaks.
-                    raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line)}") from None
+                    raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line, quoted)}") from None
+                key = tuple(getattr(row, name) for name in KEYS.get(table, ()))
+                if key and key in keys:
+                    named = ", ".join(f"{name} {value}" for name, value in zip(KEYS[table], key, strict=True))
+                    raise ExportError(f"{path}:{reader.line_num}: {named} is there twice")
+                keys.add(key)
+                yield row
     except FileProblem as problem:
         if not os.path.lexists(path):
             raise ExportError(f"{path}: missing; export the data again") from None
@@ -414,19 +421,19 @@ def _codebook_lines() -> Iterator[tuple[str, ...]]:
 
 def _reader(info: ColumnInfo, quoted: bool = True) -> Callable[[str], Any]:
     """What turns a cell of this column into its value; blank is None where it may be. `quoted`: words may be JSON."""
-    parse: Callable[[str], Any] = text_of if info.words and quoted else _PARSERS[info.type]
+    parse = within_bounds(info, text_of if info.words and quoted else _PARSERS[info.type])
     return (lambda cell: None if cell == "" else parse(cell)) if info.optional else parse
 
 
-def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str]) -> str:
+def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str], quoted: bool) -> str:
     """What is wrong with a row that could not be read."""
     for info in infos:
         position = header.index(info.name)
         if position >= len(line):
             return f"the row ends before column {info.name}; export the data again"
         try:
-            _reader(info)(line[position])
+            _reader(info, quoted)(line[position])
         except ValueError:
             value = reprlib.repr(line[position]) if line[position] else "blank"
-            return f"{info.name} is {value}, must be {_NOUNS[info.type]}"
+            return f"{info.name} is {value}, must be {bounds_of(info)}"
     return "cannot be read"

@@ -83,35 +83,42 @@ def tombstone_hash(participant: str, utc: str) -> str:
     return link_hash("", participant, 0, Entry("erased", utc, ""))
 
 
-def check_chain(
-    participant: str, links: Iterable[Linked], tables: Mapping[str, Iterable[Mapping[str, Any]]]
-) -> Iterator[Finding]:
-    """What does not fit between a participant's chain and their rows. `tables` has those to be compared, their rows in
-    order of arrival where they have no key."""
-    head = Head()
-    last: dict[tuple[str, str], Linked] = {}
-    arrived: dict[str, list[Linked]] = defaultdict(list)
-    for link in links:
-        row = link.row
-        made = Entry(row.row_table, row.row_key or "", row.content or "", row.marks or "")
-        place = f"chain of {participant}, link {row.seq}"
-        if row.seq != head.seq + 1:
-            yield Finding(place, f"the link before it has number {head.seq}")
-        elif link_hash(head.hash, participant, row.seq, made) != row.hash:
-            yield Finding(place, f"its hash does not fit what it says of {_row(made.table, participant, made.key)}")
-        head = Head(row.seq, row.hash)
-        if made.table not in CHAINED and made.table != BEGUN:
-            yield Finding(place, f"no table {made.table!r} is known")
-        elif keys_of(made.table) is None and made.table != BEGUN:
-            arrived[made.table].append(link)
-        else:
-            last[made.table, made.key] = link
-    for table, found in tables.items():
+class ReadChain:
+    """A chain that was read: what does not fit in itself, and how rows compare with it, table by table."""
+
+    def __init__(self, participant: str, links: Iterable[Linked]) -> None:
+        self._participant = participant
+        self._last: dict[tuple[str, str], Linked] = {}
+        self._arrived: dict[str, list[Linked]] = defaultdict(list)
+        self.head = Head()
+        self.findings = tuple(self._read(links))
+
+    def _read(self, links: Iterable[Linked]) -> Iterator[Finding]:
+        for link in links:
+            row = link.row
+            made = Entry(row.row_table, row.row_key or "", row.content or "", row.marks or "")
+            place = f"chain of {self._participant}, link {row.seq}"
+            if row.seq != self.head.seq + 1:
+                yield Finding(place, f"the link before it has number {self.head.seq}")
+            elif link_hash(self.head.hash, self._participant, row.seq, made) != row.hash:
+                told = _row(made.table, self._participant, made.key)
+                yield Finding(place, f"its hash does not fit what it says of {told}")
+            self.head = Head(row.seq, row.hash)
+            if made.table not in CHAINED and made.table != BEGUN:
+                yield Finding(place, f"no table {made.table!r} is known")
+            elif made.table != BEGUN and keys_of(made.table) is None:
+                self._arrived[made.table].append(link)
+            else:
+                self._last[made.table, made.key] = link
+
+    def compared(self, table: str, rows: Iterable[Mapping[str, Any]]) -> Iterator[Finding]:
+        """What does not fit between the chain and the participant's rows of a table, which come in order of arrival
+        where they have no key."""
         if keys_of(table) is None:
-            yield from _in_order(participant, table, found, arrived[table])
+            yield from _in_order(self._participant, table, rows, self._arrived[table])
         else:
-            links_of = {key: link for (of, key), link in last.items() if of == table and link.row.content}
-            yield from _by_key(participant, table, found, links_of)
+            links = {key: link for (of, key), link in self._last.items() if of == table and link.row.content}
+            yield from _by_key(self._participant, table, rows, links)
 
 
 def _in_order(

@@ -12,6 +12,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
     tables        what stands in the file
     rows          a recorded row as SQLite takes it
     ledger        what a transaction wrote, and the links of the chain made of it
+    backup        a copy of the data folder while a lab runs, and the way back
     verification  whether a data folder holds what was recorded
     participants  who takes part: order, session, tokens, identities, the cell given out again
     progress      what a session has reached: its state, answered messages, starts of cycles
@@ -21,6 +22,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
 """
 
 from study.store.async_store import AsyncStore
+from study.store.backup import back_up, restore
 from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
 from study.store.fingerprint import fingerprint_id, machine_fingerprint
 from study.store.snapshot import Snapshot
@@ -55,8 +57,10 @@ __all__ = [
     "Trouble",
     "TroubleKind",
     "UnreadableSession",
+    "back_up",
     "fingerprint_id",
     "machine_fingerprint",
     "open_store",
+    "restore",
     "verify_data",
 ]

@@ -14,7 +14,7 @@ import hashlib
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import IO, Any
@@ -121,6 +121,12 @@ class Database:
         """A view of one moment."""
         with self._told(), self.engine.connect() as connection:
             yield connection
+
+    def move_log(self) -> None:
+        """Move the log into the file as far as others' reading lets it. What fails is tried again with the next one:
+        the log has everything."""
+        with suppress(sql.exc.DBAPIError, StoreError), self.engine.connect() as connection:
+            connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql("PRAGMA wal_checkpoint(PASSIVE)")
 
     def empty_log(self) -> bool:
         """Move the log into the file and cut it off; False when another process's reading did not let it."""

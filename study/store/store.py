@@ -241,6 +241,8 @@ class Store:
             rows.add(connection, "events", batch.events)
             for cycle in batch.cycles:
                 progress.save_cycle(connection, cycle)
+        if batch.session is not None:
+            self._database.move_log()  # a phase has ended: a copy of the file alone then lacks little
         return True
 
     def response(self, participant: str, message_id: str) -> dict[str, Any] | None:

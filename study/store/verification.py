@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from study.integrity.chain import Linked, check_chain, tombstone_hash
+from study.integrity.chain import Linked, ReadChain, tombstone_hash
 from study.integrity.content import CHAINED, keys_of
 from study.integrity.findings import Finding, Verdict
 from study.records import ChainRow
@@ -69,7 +69,10 @@ class _File:
                 ]
                 participants = len(people)
                 for participant in people:
-                    findings += check_chain(participant, self._chain(participant), self._tables(participant))
+                    chain = ReadChain(participant, self._chain(participant))
+                    findings += chain.findings
+                    for table in CHAINED:
+                        findings += chain.compared(table, self._of(table, participant))
         except _UNREADABLE as error:
             findings.append(Finding(FILE_NAME, f"cannot be read further: {_said(error)}"))
         return Verdict(tuple(findings), participants, self._links, tuple(notes))
@@ -135,12 +138,9 @@ class _File:
             salt = str(row["salt"])
             yield Linked(ChainRow(**{name: value for name, value in row.items() if name != "salt"}), salt)
 
-    def _tables(self, participant: str) -> dict[str, Iterator[Row]]:
-        found = {}
-        for table in CHAINED:
-            order = "" if keys_of(table) is not None else " ORDER BY rowid"
-            found[table] = self._rows(f"SELECT * FROM {table} WHERE participant = ?{order}", participant)
-        return found
+    def _of(self, table: str, participant: str) -> Iterator[Row]:
+        order = "" if keys_of(table) is not None else " ORDER BY rowid"
+        return self._rows(f"SELECT * FROM {table} WHERE participant = ?{order}", participant)
 
 
 def _said(error: Exception) -> str:

@@ -38,7 +38,7 @@ def report_of_nothing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     meta = folder / "export" / "meta.json"
     told = {**json.loads(meta.read_text()), "simulated": {"seed": 7, "robot": "kinematic"}}
     meta.write_text(json.dumps(told))
-    assert main(["analyze", str(folder / "export"), "--out", str(folder / "report")]) == 0
+    assert main(["analyze", str(folder / "export"), "--out", str(folder / "report"), "--changed"]) == 0
     return folder / "report"
 
 

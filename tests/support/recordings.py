@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import shutil
 import zipfile
 from pathlib import Path
@@ -11,7 +12,8 @@ from study.store import open_store
 RECORDED = Path(__file__).with_name("recorded")
 SCHEMAS = tuple(sorted(folder.name for folder in RECORDED.iterdir()))
 """Every schema that was ever released; a new one gets a folder once, by `write_recorded_fixture`."""
-CASES = tuple((schema, robot) for schema in SCHEMAS for robot in ("kinematic", "bullet"))
+CASES = tuple((folder.parent.name, folder.name) for folder in sorted(RECORDED.glob("*/*")))
+"""Schema and robot of each recording: the first schema with both, those after it with the plain one."""
 FINISHED, MIDWAY, ERASED, PILOT, DEMO = "P001", "P002", "P003", "T004", "D005"
 
 
@@ -19,7 +21,11 @@ def recorded_data(robot: str, place: Path, schema: str = SCHEMAS[0]) -> Path:
     """A data folder as that schema's lab left it."""
     folder = place / f"data-{schema}-{robot}"
     folder.mkdir()
-    shutil.copy(RECORDED / schema / robot / "lab.sqlite", folder)
+    packed = RECORDED / schema / robot / "lab.sqlite.gz"
+    if packed.exists():
+        (folder / "lab.sqlite").write_bytes(gzip.decompress(packed.read_bytes()))
+    else:
+        shutil.copy(RECORDED / schema / robot / "lab.sqlite", folder)
     return folder
 
 

@@ -1,0 +1,112 @@
+"""A copy of the data folder while a lab runs, and the way back.
+
+A backup is a data folder with checksums: the database as of one moment (SQLite's backup API), the lab's key, and the
+study files of the participants to read. It belongs to its owner alone. Everything is written beside the place where it
+is to stand, and moved there when it is whole and on disk.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from urllib.parse import quote
+
+from study.integrity.checksums import SUMS_NAME, changed_files, check_sums, digest, sums_of
+from study.integrity.findings import Verdict
+from study.store.values import StoreError
+from study.store.verification import FILE_NAME, verify_data
+
+NOTE_NAME = "backup.json"
+FORMAT = "shared-autonomy-lab backup"
+KEPT = ("lab.key",)
+"""Files of a data folder beside the database that a restored lab needs."""
+
+
+def back_up(folder: Path, out: Path, utc: str) -> Verdict:
+    """Copy a data folder, and say whether the copy holds what was recorded. Raises `StoreError` when there is no lab
+    data, the place is taken, or the copy cannot be written: then there is none."""
+    source = folder / FILE_NAME
+    if not source.is_file():
+        raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
+    with _made_whole(out) as made:
+        address = f"file:{quote(str(source.absolute()))}?mode=ro"
+        with (
+            closing(sqlite3.connect(address, uri=True, timeout=10.0)) as database,
+            closing(sqlite3.connect(made / FILE_NAME)) as copy,
+        ):
+            database.backup(copy)
+            copy.execute("PRAGMA journal_mode=DELETE")  # a file that stands alone, with no log beside it
+            studies = copy.execute("SELECT hash, text FROM studies").fetchall()
+        for study_hash, text in studies:
+            (made / f"study-{study_hash[:12]}.toml").write_text(text, encoding="utf-8", newline="")
+        for name in KEPT:
+            if (folder / name).is_file():
+                shutil.copyfile(folder / name, made / name)
+        verdict = verify_data(made)
+        note = {"format": FORMAT, "utc": utc, "participants": verdict.participants, "links": verdict.links}
+        (made / NOTE_NAME).write_text(json.dumps(note, indent=2) + "\n", encoding="utf-8")
+        sums = {path.name: digest(path) for path in made.iterdir()}
+        (made / SUMS_NAME).write_text(sums_of(sums), encoding="utf-8")
+    return verdict
+
+
+def restore(backup: Path, folder: Path) -> Verdict:
+    """Make a data folder of a backup that is as it was written.
+
+    Raises `StoreError` for what is no backup, for a changed one, and for a folder that holds anything.
+    """
+    try:
+        note = json.loads((backup / NOTE_NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        note = None
+    if not isinstance(note, dict) or note.get("format") != FORMAT:
+        raise StoreError(f"{backup}: no backup here; give the folder that `salab backup` wrote")
+    changed = changed_files(check_sums(backup))
+    if changed:
+        raise StoreError(f"{backup}: changed since the backup: {changed}; nothing was restored")
+    verdict = verify_data(backup)
+    if verdict.findings:
+        raise StoreError(f"{backup}: not as recorded: {verdict.findings[0]}; nothing was restored")
+    with _made_whole(folder) as made:
+        for name in (FILE_NAME, *KEPT):
+            if (backup / name).is_file():
+                shutil.copyfile(backup / name, made / name)
+    return verdict
+
+
+@contextmanager
+def _made_whole(place: Path) -> Iterator[Path]:
+    """A folder beside `place` to be filled, which takes its place when the `with` ends; on disk, and its owner's."""
+    place = place.absolute()
+    made = place.with_name(f".{place.name}.{os.getpid()}.unfinished")
+    try:
+        if place.exists() and (not place.is_dir() or any(place.iterdir())):
+            raise StoreError(f"{place}: there already; choose another place, or move it away")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        made.mkdir(mode=0o700)
+        yield made
+        for path in made.iterdir():
+            path.chmod(0o600)
+            _to_disk(path)
+        _to_disk(made)
+        if place.exists():
+            place.rmdir()
+        made.rename(place)
+        _to_disk(place.parent)
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(f"{place}: cannot be written: {error}") from None
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def _to_disk(path: Path) -> None:
+    file = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
