@@ -94,7 +94,7 @@ def replay(recording: Recording, asked: Asked = Asked(), here: Mapping[str, str]
     except PartFault as fault:
         return Replayed(recording.called, "cannot", reason=f"{fault}")
     except (LabError, StudyError) as error:
-        return Replayed(recording.called, "cannot", reason=str(error).splitlines()[0])
+        return Replayed(recording.called, "cannot", reason=str(error).partition("\n")[0])
 
 
 def replay_all(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
@@ -26,10 +27,14 @@ from study.analysis.measures import measure
 from study.analysis.observations import Observation, observations, survey_observations
 from study.definition.study import orders
 from study.flow.answers import survey_scores
+from study.json_text import parse_json
+from study.text_file import opened
 
 Key = tuple[str, str]
 """Measure and kind, as in `app.replication.paper.REPORTED`."""
 MAX_STUDIES = 10_000
+MOST_STUDY_BYTES = 50_000_000
+"""Of one study on disk, unpacked: a hundred times a usual one."""
 SURVEYS = ("sus_modified", "tlx_raw")
 
 
@@ -121,15 +126,22 @@ class Archive:
         """A finished study; None when it is still to be run."""
         if self.folder is None or not self._place(study).is_file():
             return None
-        with gzip.open(self._place(study), "rt", encoding="utf-8") as file:
-            data = json.load(file)
-        return Values(
-            {
-                (name, kind): tuple(Observation(*values) for values in of)
-                for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
-            },
-            data["counts"],
-        )
+        try:
+            with opened(self._place(study), MOST_STUDY_BYTES) as packed, gzip.open(packed) as file:
+                text = file.read(MOST_STUDY_BYTES + 1)  # no more, whatever it unpacks to
+            if len(text) > MOST_STUDY_BYTES:
+                raise ValueError(f"unpacks to more than {MOST_STUDY_BYTES / 1e6:g} MB")
+            data = parse_json(text)
+            return Values(
+                {
+                    (name, kind): tuple(Observation(*values) for values in of)
+                    for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
+                },
+                dict(data["counts"]),
+            )
+        except (OSError, EOFError, zlib.error, ValueError, TypeError, KeyError, AttributeError) as error:
+            why = getattr(error, "reason", None) or f"{type(error).__name__}: {error}"
+            raise LabError(f"{self._place(study)}: is no finished study: {why}; remove it") from None
 
     def save(self, study: int, values: Values) -> None:
         """Put a study away, all or nothing."""

@@ -24,6 +24,9 @@ FOLDER = Path(__file__).with_name("catalogues")
 REVIEWED = "X-Reviewed-For-Data"
 """The header that says who has checked a translation, and when; `no` for nobody."""
 _LINE = re.compile(r'#|(?:msg(?:ctxt|id|id_plural|str|str\[\d+\])\s+)?"(?:[^"\\]|\\.)*"$')
+_TOO_MANY_FORMS = re.compile(r"nplurals\s*=\s*0*[1-9][0-9]")
+"""The library makes room for as many as the header names, before it reads one."""
+_ENDS_ELSEWHERE = re.compile("[\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
 _TRIED = range(201)
 """Numbers with which a file's plural forms are compared with the language's categories."""
 
@@ -72,6 +75,13 @@ def read(text: str, tag: str) -> Catalogue:
     known = language(tag)
     if known is None:
         return Catalogue(mistakes=(Mistake(0, f"no language {tag!r} is known"),))
+    named = _TOO_MANY_FORMS.search(text)
+    if named:
+        return Catalogue(mistakes=(Mistake(_line_of(text, named), "Plural-Forms: no language has more than nine"),))
+    ends = _ENDS_ELSEWHERE.search(text)
+    if ends:
+        sentence = f"holds U+{ord(ends[0]):04X}, which the library takes for the end of a line; leave it out"
+        return Catalogue(mistakes=(Mistake(_line_of(text, ends), sentence),))
     try:
         found = read_po(io.BytesIO(text.encode()), abort_invalid=True)
     except (PoFileError, ValueError, LookupError) as error:
@@ -115,6 +125,10 @@ def read(text: str, tag: str) -> Catalogue:
             mistakes.append(Mistake(line, f"{one!r} has {there} plural forms, {known.name} has {needed}"))
     reviewed = headers.get(REVIEWED.lower(), "")
     return Catalogue(texts, plurals, lines, "" if reviewed.lower() == "no" else reviewed, tuple(mistakes))
+
+
+def _line_of(text: str, found: re.Match[str]) -> int:
+    return text.count("\n", 0, found.start()) + 1
 
 
 def _headers(text: str) -> Mapping[str, str]:

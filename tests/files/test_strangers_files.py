@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import os
@@ -13,16 +14,21 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
+from app.errors import LabError
+from app.replication.studies import Archive
 from study.definition.study import DEFAULT_STUDY, load_study, parse_study
 from study.definition.toml_reader import StudyFileError
 from study.export.export import ExportError, export_zip, read_table
 from study.json_text import parse_json
+from study.language.catalogue import read as read_po
 from study.language.catalogue import shipped_text
 from study.store import open_store
 from study.text_file import FileProblem, list_rows, opened_table, read_text
 from tests.support.recordings import recorded_export
 
 STUDY = DEFAULT_STUDY.read_text(encoding="utf-8")
+BOMB = gzip.compress(b" " * 60_000_000)
+"""Sixty megabytes in sixty kilobytes."""
 SECRET = "nobody outside may read this"
 
 
@@ -336,3 +342,28 @@ def test_a_file_that_nobody_may_read_is_told(tmp_path: Path, monkeypatch: pytest
         read_text(file, 10)
     with pytest.raises(FileProblem, match="cannot be read: Permission denied"):
         opened_table(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("nplurals=2", "nplurals=999999999999", "no language has more than nine"),
+        ("nplurals=2", "nplurals=" + "9" * 5_000, "no language has more than nine"),
+        ('msgstr "', 'msgstr "a\u2028b', "holds U+2028, which the library takes for the end of a line"),
+        ("charset=UTF-8", "charset=zlib", "not a valid PO file"),
+        ("charset=UTF-8", "charset=utf-16", "not a valid PO file"),
+    ],
+)
+def test_a_translation_that_costs_too_much_or_would_be_changed_is_one_line(old: str, new: str, why: str) -> None:
+    text = shipped_text("de")[1][:6_000].rpartition("\n\n")[0]
+    assert old.lower() in text.lower()
+    place = text.lower().index(old.lower())
+    (first, *_) = read_po(f"{text[:place]}{new}{text[place + len(old) :]}", "de").mistakes
+    assert why in first.sentence and "\n" not in first.sentence
+
+
+@pytest.mark.parametrize("raw", [b"", b"no gzip", gzip.compress(b"{}"), gzip.compress(b"[" * 9_999), BOMB])
+def test_a_kept_study_that_is_none_is_one_line(tmp_path: Path, raw: bytes) -> None:
+    (tmp_path / "study-0000.json.gz").write_bytes(raw)
+    with pytest.raises(LabError, match=r"study-0000\.json\.gz: is no finished study: .*; remove it"):
+        Archive(tmp_path, {}).load(0)

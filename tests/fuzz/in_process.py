@@ -64,7 +64,7 @@ def without_rates(config: LabConfig) -> LabConfig:
     high = {
         one.name: type(getattr(limits, one.name))(1_000_000)
         for one in fields(limits)
-        if one.name.endswith(("_per_s", "_burst", "_per_address"))
+        if one.name.endswith(("_per_s", "_per_min", "_burst", "_per_address"))
     }
     changed: dict[str, Any] = {"limits": replace(limits, **high)}
     return replace(config, **changed)
@@ -202,6 +202,11 @@ class InProcessSocket:
         """The next frame; None once the socket is closed."""
         message = await asyncio.wait_for(self._out.get(), within_s)
         return None if message["type"] == "websocket.close" else str(message.get("text") or "")
+
+    @property
+    def answers(self) -> int:
+        """How many frames came back that nobody has heard yet."""
+        return sum("text" in message for message in self._out._queue)  # type: ignore[attr-defined]
 
     async def close(self) -> None:
         """Leave."""

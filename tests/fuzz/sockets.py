@@ -67,6 +67,8 @@ class Sockets(Surface):
     def __init__(self, lab: InProcessLab) -> None:
         self._lab = lab
         self._numbers = itertools.count()
+        self.answered = 0
+        """How many frames the lab has answered: were it few, it would not have read them."""
         self._cookies: list[tuple[str, str]] = []
         for _ in range(SESSIONS):
             made = lab.invite()
@@ -141,9 +143,9 @@ class Sockets(Surface):
         await self._left(socket)
         return socket.raised
 
-    @staticmethod
-    async def _left(socket: InProcessSocket) -> None:
+    async def _left(self, socket: InProcessSocket) -> None:
         await socket.close()
+        self.answered += socket.answers
 
 
 def _frame(known: tuple[Any, ...], random: Random) -> dict[str, str]:
