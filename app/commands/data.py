@@ -30,6 +30,7 @@ def export(
 ) -> None:
     """Write the data as a data package (CSV, Parquet, descriptions).
 
+    It is there whole or not at all, in place of an earlier one.
     Demo participants and whatever identifies somebody stay out. A lab may be running on the data.
     """
     from study.export.export import export, export_zip
@@ -55,6 +56,7 @@ def erase(
     Exports made before, and copies made elsewhere, are not reached.
     """
     from app.report import process as reporter
+    from study.export.placing import sweep_noted
     from study.records import utc_text
     from study.store import SessionUnreadable, open_store
 
@@ -65,4 +67,5 @@ def erase(
             raise LabError(f"{participant} would be erased for good; say --yes to do it")
         store.erase(participant, utc_text(time.time()))
     reporter.remove(data)  # of a lab that was killed
+    sweep_noted(data)
     print(f"erased {participant}: only the mark that there was one is left")

@@ -38,6 +38,7 @@ from app.worker.probes import prepared_scene, why_no_process
 from app.worker.process import WorkerProcess, warm_up, worker_context
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
+from study.export.placing import sweep_noted
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import DistractorState
 from study.flow.flow import FLOW, Flow
@@ -175,6 +176,7 @@ class Lab:
         """Start looking after the sessions. Call `prepare` first."""
         self.store.watch()
         await self.reporter.discard()  # of a lab that was killed
+        await asyncio.to_thread(sweep_noted, self.config.data_dir)
         self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
         self._health_watch = asyncio.create_task(self.health.watch(), name="watch health")
         log.info("the lab serves", extra=about(robot=self.config.robot, pace=self.config.pace, scene=self.config.scene))
@@ -347,6 +349,7 @@ class Lab:
             await self.reporter.discard()  # its process may be reading: the log could not be emptied
             is_clean = await self.store.run(lambda store: store.erase(participant, utc))
             await self.reporter.discard()  # of one begun in between
+            await asyncio.to_thread(sweep_noted, self.config.data_dir)
         self.changed(participant)
         return is_clean
 

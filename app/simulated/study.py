@@ -33,7 +33,7 @@ from app.trial.robots import ROBOTS, make_robot, robot_facts
 from app.trial.setup import StudySetup, study_setup
 from app.trial.world import open_study, parse_text
 from study.definition.study import Study, orders
-from study.export.export import write_tables
+from study.export.export import check_place, write_tables
 from study.flow.flow import FLOW, Flow
 from study.integrity.chain import chained
 from study.records import SCHEMA_VERSION, TABLES
@@ -184,8 +184,7 @@ def check_free(out_dir: Path) -> None:
     """Fail before the work, not after it, when the results could not be written."""
     if out_dir.exists() and not out_dir.is_dir():
         raise LabError(f"{out_dir}: is a file; choose a folder with --out")
-    if out_dir.is_dir() and any(out_dir.iterdir()) and not (out_dir / "meta.json").is_file():
-        raise LabError(f"{out_dir}: not empty and not an earlier export; choose another folder with --out")
+    check_place(out_dir)
     try:
         out_dir.absolute().parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

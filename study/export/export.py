@@ -19,7 +19,6 @@ import json
 import math
 import os
 import reprlib
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -34,6 +33,7 @@ from study.definition.toml_reader import parse_toml
 from study.export.cell_bounds import bounds_of, within_bounds
 from study.export.csv_words import cell_of, text_of
 from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
+from study.export.placing import put_in_place, work_folder
 from study.json_text import parse_json, whole_number
 from study.records import KEYS, SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
 from study.text_file import FileProblem, opened_table, read_bytes, read_text, table_text
@@ -79,24 +79,40 @@ def _finite(cell: str) -> float:
 _PARSERS: Mapping[str, Any] = {"int": _whole, "float": _finite, "str": str}
 
 
+Told = Callable[[str, int], None]
+"""Told what is being written, and how many rows of it are."""
+_LITTER = (".DS_Store", "Thumbs.db", "desktop.ini")
+
+
 class ExportError(StudyError):
     """A folder that cannot be written to or read from as an export; one line with what would help."""
 
 
 def export(
-    store: Store, out_dir: Path | str, *, include_demo: bool = False, include_pilot: bool = False
+    store: Store,
+    out_dir: Path | str,
+    *,
+    include_demo: bool = False,
+    include_pilot: bool = False,
+    told: Told | None = None,
 ) -> dict[str, int]:
-    """Write everything recorded into a folder; rows per table. Demo and pilot participants only when asked for.
+    """Write everything recorded as a folder; rows per table. Demo and pilot participants only when asked for.
 
-    Raises `ExportError` when the folder holds anything but an earlier export, which is replaced.
+    The folder is there whole or not at all. An earlier export in its place is replaced; raises `ExportError` when
+    anything else is there. `told` is called with what is being written.
     """
     with store.snapshot() as recorded:
         tables, studies, meta = _contents(recorded, include_demo, include_pilot)
-        return write_tables(out_dir, tables, studies=studies, meta=meta)
+        return _write_whole(Path(out_dir), tables, studies, meta, told, store.path.parent)
 
 
 def export_zip(
-    store: Store, zip_path: Path | str, *, include_demo: bool = False, include_pilot: bool = False
+    store: Store,
+    zip_path: Path | str,
+    *,
+    include_demo: bool = False,
+    include_pilot: bool = False,
+    told: Told | None = None,
 ) -> dict[str, int]:
     """The same files as one archive, which replaces an earlier one; rows per table.
 
@@ -106,12 +122,15 @@ def export_zip(
     if path.exists() and not _is_archive(path):
         raise ExportError(f"{path}: there already, and not an earlier export; choose another name")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".export-", dir=path.parent) as made:
-            folder, archive = Path(made) / "files", Path(made) / "archive.zip"
-            counts = export(store, folder, include_demo=include_demo, include_pilot=include_pilot)
+        with work_folder(path.absolute().parent, store.path.parent) as work, store.snapshot() as recorded:
+            folder, archive = work / "files", work / "archive.zip"
+            folder.mkdir()
+            tables, studies, meta = _contents(recorded, include_demo, include_pilot)
+            counts = _write(folder, tables, studies, meta, told)
+            if told is not None:
+                told("the archive", 0)
             _pack(folder, archive)
-            os.replace(archive, path)
+            put_in_place(archive, path)
     except OSError as error:
         raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from None
     return counts
@@ -133,19 +152,15 @@ def write_tables(
     studies: Mapping[str, str] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> dict[str, int]:
-    """Write rows (of the types in `records.TABLES`) as an export; tables that are not given are empty.
+    """Write rows (of the types in `records.TABLES`) as an export, whole or not at all; tables that are not given are
+    empty.
 
     `studies` maps the hash of a study file to its text, `meta` is added to `meta.json`. Returns rows per table.
     """
     unknown = [name for name in tables if name not in TABLES]
     if unknown:
         raise ExportError(f"no tables {unknown}; tables are {list(TABLES)}")
-    folder = Path(out_dir)
-    _claim(folder)
-    try:
-        return _write(folder, tables, studies or {}, meta or {})
-    except OSError as error:
-        raise ExportError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    return _write_whole(Path(out_dir), tables, studies or {}, meta or {})
 
 
 def read_table(in_dir: Path | str, table: str) -> list[Any]:
@@ -157,8 +172,10 @@ def columns_in(in_dir: Path | str, table: str) -> tuple[str, ...]:
     """The names of the columns that an exported table has. Raises `ExportError`."""
     path = Path(in_dir) / f"{table}.csv"
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with opened_table(path, within=path.parent) as raw, table_text(raw) as file:
             return tuple(next(csv.reader(file), []))
+    except FileProblem as problem:
+        raise ExportError(str(problem)) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ExportError(f"{path}: cannot be read: {error}") from None
 
@@ -256,18 +273,37 @@ def _is_archive(path: Path) -> bool:
         return False
 
 
-def _claim(folder: Path) -> None:
-    """Make the folder, or empty an earlier export of its files; anything else there is left alone."""
+def check_place(out_dir: Path | str) -> Path:
+    """Where an export to that folder goes. Raises `ExportError` when it cannot go there: it takes the folder's place,
+    so that nothing but an earlier export may be lost."""
+    folder = Path(out_dir)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        present = list(folder.iterdir())
-        if present and not _is_export(folder):
-            raise ExportError(f"{folder}: not empty and not an earlier export; choose another folder")
-        for path in present:
-            if path.name in _fixed_names() or (path.name.startswith("study-") and path.suffix == ".toml"):
-                path.unlink()
+        place = folder.resolve()
+        if not place.exists():
+            return place
+        present = sorted(path.name for path in place.iterdir())
     except OSError as error:
         raise ExportError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    if present and not _is_export(place):
+        raise ExportError(f"{folder}: not empty and not an earlier export; choose another folder")
+    others = [name for name in present if not _is_of_export(name)]
+    if others:
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise ExportError(
+            f"{folder}: an earlier export, which would be replaced, and {others[0]}{more} beside it, which would be "
+            "lost; move that elsewhere, or choose another folder"
+        )
+    if place.is_mount() or place in (here := _here(), *here.parents):
+        what = "where another disk is mounted" if place.is_mount() else "the folder you are in"
+        raise ExportError(f"{folder}: {what}, and an export takes a folder's place; name one in it: {folder}/export")
+    return place
+
+
+def _here() -> Path:
+    try:
+        return Path.cwd()
+    except OSError:  # it was removed
+        return Path("/nowhere")
 
 
 def _is_export(folder: Path) -> bool:
@@ -286,8 +322,30 @@ def _is_ours(meta_json: bytes) -> bool:
     return isinstance(meta, dict) and meta.get("format") == FORMAT
 
 
-def _fixed_names() -> frozenset[str]:
-    return frozenset({*file_names(), "study.toml"})
+def _is_of_export(name: str) -> bool:
+    """Whether a file is one of an export, or what file managers leave."""
+    is_study = name.startswith("study-") and name.endswith(".toml")
+    return is_study or name in {*file_names(), "study.toml", *_LITTER}
+
+
+def _write_whole(
+    out_dir: Path,
+    tables: Mapping[str, Iterable[Any]],
+    studies: Mapping[str, str],
+    meta: Mapping[str, Any],
+    told: Told | None = None,
+    data_dir: Path | None = None,
+) -> dict[str, int]:
+    place = check_place(out_dir)
+    try:
+        with work_folder(place.parent, data_dir) as work:
+            folder = work / "files"
+            folder.mkdir()
+            counts = _write(folder, tables, studies, meta, told)
+            put_in_place(folder, place)
+    except OSError as error:
+        raise ExportError(f"{out_dir}: cannot be written: {error.strerror or error}") from None
+    return counts
 
 
 def _write(
@@ -295,12 +353,11 @@ def _write(
     tables: Mapping[str, Iterable[Any]],
     studies: Mapping[str, str],
     meta: Mapping[str, Any],
+    told: Told | None,
 ) -> dict[str, int]:
     head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": WORDS}
-    # First of all, so that an export that is interrupted can be recognised and done again.
-    _put(folder, META_NAME, json.dumps({**head, "complete": False}) + "\n")
     unwritten: dict[str, dict[str, int]] = {}
-    counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten) for table in TABLES}
+    counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten, told) for table in TABLES}
     written = [f"{table}.{extension}" for extension in ("csv", "parquet") for table in TABLES]
     with (folder / "codebook.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_codebook_lines())
@@ -314,8 +371,7 @@ def _write(
             questions[key] = asked(data[key])
         except (StudyError, TypeError, KeyError, AttributeError, UnicodeEncodeError):
             unreadable.append(key)  # what was stored of it has been damaged; the data are as they are
-    told = {"studies": questions}
-    texts["questionnaires.json"] = json.dumps(told, indent=2, ensure_ascii=False) + "\n"
+    texts["questionnaires.json"] = json.dumps({"studies": questions}, indent=2, ensure_ascii=False) + "\n"
     for name, text in texts.items():
         _put(folder, name, text)
     complete = {**head, "complete": True, "rows": counts, "studies": list(studies), **meta}
@@ -335,7 +391,9 @@ def _put(folder: Path, name: str, text: str) -> None:
     (folder / name).write_text(text, encoding="utf-8", newline="")
 
 
-def _write_table(folder: Path, table: str, rows: Iterable[Any], unwritten: dict[str, dict[str, int]]) -> int:
+def _write_table(
+    folder: Path, table: str, rows: Iterable[Any], unwritten: dict[str, dict[str, int]], told: Told | None
+) -> int:
     """Write the rows as CSV and Parquet while they stream by; how many there were.
 
     A row that cannot be is left out, so that it takes nobody else's with it: `unwritten` counts them by table and
@@ -345,6 +403,8 @@ def _write_table(folder: Path, table: str, rows: Iterable[Any], unwritten: dict[
     infos = columns(table)
     names, casts = [info.name for info in infos], [(_AS_IT_IS if info.words else _WRITERS)[info.type] for info in infos]
     fields, stream, count = attrgetter(*names), iter(rows), 0
+    if told is not None:
+        told(table, 0)
     with (
         (folder / f"{table}.csv").open("w", encoding="utf-8", newline="") as file,
         ParquetTable(folder / f"{table}.parquet", table) as parquet,
@@ -368,6 +428,8 @@ def _write_table(folder: Path, table: str, rows: Iterable[Any], unwritten: dict[
             lines.writerows(zip(*shown, strict=True))
             parquet.add(arrays)
             count += len(batch)
+            if told is not None:
+                told(table, count)
     return count
 
 

@@ -175,25 +175,33 @@ def test_a_folder_with_something_else_in_it_is_left_alone(store: Store, tmp_path
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
-def test_an_earlier_export_is_replaced_and_notes_beside_it_are_kept(store: Store, tmp_path: Path) -> None:
+def test_an_earlier_export_is_replaced_unless_something_beside_it_would_be_lost(store: Store, tmp_path: Path) -> None:
     out = tmp_path / "out"
     export(store, out)
-    (out / "notes.txt").write_text("mine")
+    (out / "study-0123456789ab.toml").write_text("of an earlier study")
+    (out / ".DS_Store").touch()
     fill(store, "a")
     export(store, out)
     assert len(read_table(out, "ticks")) == 3
+    assert set(contents(out)) == FILES
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(ExportError, match=r"and notes\.txt beside it, which would be lost; move that elsewhere"):
+        export(store, out)
     assert (out / "notes.txt").read_text() == "mine"
 
 
-def test_an_export_that_was_interrupted_says_so_and_can_be_done_again(store: Store, tmp_path: Path) -> None:
+def test_an_export_that_a_version_of_before_left_half_done_says_so_and_is_replaced(
+    store: Store, tmp_path: Path
+) -> None:
     fill(store, "a")
-    rows: list[Any] = [tick_row("P001", 0), "not a row"]
-    with pytest.raises(ExportError, match="takes TickRow, not str"):
-        write_tables(tmp_path / "out", {"ticks": rows})
+    out = tmp_path / "out"
+    export(store, out)
+    meta = json.loads((out / "meta.json").read_text(encoding="utf-8"))
+    (out / "meta.json").write_text(json.dumps({**meta, "complete": False}), encoding="utf-8")
     with pytest.raises(ExportError, match="interrupted"):
-        read_table(tmp_path / "out", "ticks")
-    export(store, tmp_path / "out")
-    assert len(read_table(tmp_path / "out", "ticks")) == 3
+        read_table(out, "ticks")
+    export(store, out)
+    assert len(read_table(out, "ticks")) == 3
 
 
 def test_simulated_rows_are_written_the_same_way(tmp_path: Path) -> None:
