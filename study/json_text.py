@@ -15,12 +15,14 @@ MOST_WHOLE = 2**63 - 1
 """The largest whole number that a database, an export and TOML hold."""
 
 
-def parse_json(text: str | bytes) -> Any:
-    """The value of a text. Raises `ValueError` with the reason in a line."""
+def parse_json(text: str | bytes, *, finite: bool = True) -> Any:
+    """The value of a text. Raises `ValueError` with the reason in a line.
+
+    `finite`: NaN and the infinite are refused here; without it whoever checks the value's fields can name the one.
+    """
+    numbers: dict[str, Any] = {"parse_float": _finite, "parse_constant": _no_number} if finite else {}
     try:
-        value = json.loads(
-            text, parse_int=whole_number, parse_float=_finite, parse_constant=_no_number, object_pairs_hook=once
-        )
+        value = json.loads(text, parse_int=whole_number, object_pairs_hook=once, **numbers)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     check_text(value)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from app.lab.lab import Lab
 from app.lab.tokens import Attempts
+from study.json_text import parse_json
 
 WHO_HEADER = "Salab-Who"
 """Tells experimenters apart who share the one token. It proves nothing."""
@@ -105,7 +106,28 @@ def check_wrong_token(request: Request, token: str) -> None:
         raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
 
 
-class ExperimenterRoute(APIRoute):
+class StrictRequest(Request):
+    """A request whose JSON means what the standard says."""
+
+    async def json(self) -> Any:
+        """The body's value. Raises `ValueError` for what Python reads beyond JSON, such as a name that stands twice."""
+        return parse_json(await self.body(), finite=False)  # the models name the field of a NaN
+
+
+class StrictRoute(APIRoute):
+    """Reads what is sent as `StrictRequest` does."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler, given such a request."""
+        handle = super().get_route_handler()
+
+        async def read(request: Request) -> Response:
+            return await handle(StrictRequest(request.scope, request.receive))
+
+        return read
+
+
+class ExperimenterRoute(StrictRoute):
     """Asks who it is before it reads what was sent: to a stranger every request is answered alike."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:

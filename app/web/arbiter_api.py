@@ -20,7 +20,7 @@ from app.autonomy.evaluation import evaluate, state_of
 from app.autonomy.interface import Models
 from app.trial.parts import make_arbiter
 from app.trial.setup import StudySetup
-from app.web.access import RequestBody, TheLab, refusals
+from app.web.access import RequestBody, StrictRoute, TheLab, refusals
 from app.worker.one_answer import Question
 from study.parts.errors import PartError
 from study.parts.shelf import Named
@@ -159,7 +159,7 @@ def arbiters_of(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingAr
     return weighing, None if isinstance(usual, WeighingArbiter) else found
 
 
-public = APIRouter(prefix="/api", tags=["open"])
+public = APIRouter(prefix="/api", tags=["open"], route_class=StrictRoute)
 
 
 @public.post("/arbiter/evaluate", responses=refusals(422))

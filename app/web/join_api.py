@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.lab.lab import Lab
 from app.lab.open_enrolment import Offer, OpenEnrolment, cookie_name
 from app.lab.tokens import Attempts, new_token
-from app.web.access import ErrorReply, TheLab, refusals
+from app.web.access import ErrorReply, StrictRoute, TheLab, refusals
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
 from app.web.participant_socket import same_origin
 from study.definition.link_placeholders import filled
@@ -22,7 +22,7 @@ from study.flow.facts import as_read
 PATH = "/join"
 State = Literal["begin", "back", "bad_link", "closed", "full", "elsewhere"]
 
-router = APIRouter(tags=["open"])
+router = APIRouter(tags=["open"], route_class=StrictRoute)
 
 
 class JoinRequest(BaseModel):

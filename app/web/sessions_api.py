@@ -18,7 +18,7 @@ from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
-from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
+from app.web.access import Experimenter, ParticipantId, RequestBody, StrictRoute, TheLab, experimenters_router, refusals
 from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.page import Text
@@ -138,7 +138,7 @@ class CommandRequest(RequestBody):
     """In words."""
 
 
-public = APIRouter(prefix="/api", tags=["open"])
+public = APIRouter(prefix="/api", tags=["open"], route_class=StrictRoute)
 private = experimenters_router("experimenter")
 
 

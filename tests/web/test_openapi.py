@@ -104,3 +104,16 @@ def test_a_body_that_no_database_holds_is_refused(lab: InProcessLab, body: bytes
     answer = lab.ask("POST", "/api/participants", HEADERS, body)
     assert answer.status in (201, 422) and (answer.raised, lab.complaints.take()) == ("", [])
     assert answer.status == 422 or body in (b'{"label": "\\u0000"}', b"\xef\xbb\xbf{}", b"\xff\xfe{\x00}\x00")
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/api/participants", b'{"kind": "pilot", "kind": "demo"}'),
+        ("/join", b'{"parameters": {"a": "1", "a": "2"}}'),
+        ("/api/arbiter/evaluate", b'{"condition": "\\ud800"}'),
+    ],
+)
+def test_json_that_means_two_things_or_none_is_refused(lab: InProcessLab, path: str, body: bytes) -> None:
+    answer = lab.ask("POST", path, HEADERS, body)
+    assert (answer.status, json.loads(answer.body)["detail"]) == (422, "body: cannot be read as JSON")
