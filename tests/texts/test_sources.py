@@ -125,7 +125,7 @@ FOR_PARTICIPANTS = ("study/flow", "app/session", "app/web/join_api.py")
 FOR_EXPERIMENTERS = {
     *("commands.py", "explanation.py", "notes.py", "quality.py", "overview.py", "roster.py", "contract.py"),
 }
-"""Modules there whose sentences are shown on the dashboard, told to whoever writes a study, or stand in the reference."""
+"""Modules there whose sentences are shown on the dashboard, told to whoever writes a study, or in the reference."""
 SENTENCE = re.compile(r"^[A-Z“][^A-Z]*[a-z]+[,:]? [a-z]")
 
 
