@@ -102,7 +102,6 @@ class Lab:
         refusals: how often each bound on what a client may cost was reached.
         metrics: what is counted and measured.
         health: whether the lab does what it is for.
-        refusals: how often each bound on what a client may cost was reached.
         base_url: what links begin with; the server sets it when it knows its port.
     """
 
