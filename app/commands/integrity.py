@@ -9,8 +9,10 @@ import typer
 
 from app.commands import options
 from app.commands.groups import DATA
-from app.commands.options import folder
+from app.commands.options import folder, number, registered
+from app.commands.replay import tell_replays
 from app.errors import LabError
+from app.trial.robots import ROBOTS
 
 MOST_TOLD = 200
 """Findings that are printed: whoever has more of them reads no further."""
@@ -29,18 +31,27 @@ def verify(
         ),
     ] = None,
     data: Annotated[Path | None, folder("folder of the database; a lab may be running on it")] = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="run every recorded trial and practice again, too (see `salab replay`)")
+    ] = False,
+    robot: Annotated[str | None, registered(ROBOTS, "with --replay: the robot an older export does not name")] = None,
+    trust: Annotated[bool, options.trust()] = False,
+    workers: Annotated[int, number("with --replay: processes")] = 1,
 ) -> None:
     """Find what was changed since it was recorded.
 
     Compares an export, or a data folder, with its chain: every row, and every file or page. Prints a line for whatever
     does not fit, and then ends with status 1. It reads and changes nothing. Somebody who can write the folder can make
-    another chain that fits.
+    another chain that fits. With --replay all that was computed in trials and practices is computed again and
+    compared: status 1 when it differs, 2 when it cannot be.
     """
     from study.export.verification import verify_export
     from study.store import verify_data
 
     if (place := export or data) is None or (export and data):
         raise LabError("what is to be verified? Name an export, or a data folder with --data")
+    if replay and export is None:
+        raise LabError("--replay replays an export; write one of the data folder with `salab export`, and name it")
     verdict = verify_export(export) if export else verify_data(place)
     for note in verdict.notes:
         print(note)
@@ -50,5 +61,10 @@ def verify(
         print(f"... and {len(verdict.findings) - MOST_TOLD} more")
     if verdict.findings:
         print(f"{place}: {len(verdict.findings)} findings")
-        raise typer.Exit(1)
-    print(f"{place}: as recorded: {verdict.participants} participants, {verdict.links} links")
+    else:
+        print(f"{place}: as recorded: {verdict.participants} participants, {verdict.links} links")
+    status = 0
+    if replay and export is not None:
+        status = tell_replays(export, workers, {}, robot=robot, trust=trust)
+    if verdict.findings or status:
+        raise typer.Exit(1 if verdict.findings else status)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -65,30 +66,37 @@ def replay(
     The first difference is named: tick, column, what was recorded and what came of it now. Columns of the clock
     (started_utc, late_ms) are not compared.
     """
-    from app.errors import LabError
-    from app.replay.replaying import Asked, replay_all
-    from app.simulated.study import MAX_WORKERS, check_count
     from app.trial.values import PhaseKind
-    from study.records import StudyError
 
     phases: tuple[PhaseKind, ...] = ("practice",) if practice else ("trial",)
     if not practice and participant is None and trial is None:
         phases = ("trial", "practice")
+    which = {"participant": participant, "trial": trial, "phases": phases}
+    status = tell_replays(export, workers, which, robot=robot, tolerance=bound, trust=trust)
+    if status:
+        raise typer.Exit(status)
+
+
+def tell_replays(export: Path, workers: int, which: Mapping[str, Any], **asked: Any) -> int:
+    """Replay, and print what comes of each as it is known; how the command ends. `which` are the recordings, as of
+    `replay_all`, `asked` is how."""
+    from app.errors import LabError
+    from app.replay.replaying import Asked, replay_all
+    from app.simulated.study import MAX_WORKERS, check_count
+    from study.records import StudyError
+
     counts, ticks = {"same": 0, "different": 0, "cannot": 0}, 0
     try:
         check_count("workers", workers, MAX_WORKERS)
-        for told in replay_all(
-            export, Asked(robot, bound, trust), participant=participant, trial=trial, phases=phases, workers=workers
-        ):
+        for told in replay_all(export, Asked(**asked), workers=workers, **which):
             print(told, flush=True)
             counts[told.state] += 1
             ticks += told.ticks
     except (LabError, StudyError) as error:
         print(f"salab: {error}", file=sys.stderr)
-        raise typer.Exit(CANNOT) from None
+        return CANNOT
     if sum(counts.values()) > 1:
         parts = {"same": "the same", "different": "different", "cannot": "not replayed"}
         said = ", ".join(f"{count} {parts[state]}" for state, count in counts.items() if count)
         print(f"{ticks} ticks replayed: {said}")
-    if counts["different"] or counts["cannot"]:
-        raise typer.Exit(DIFFERENT if counts["different"] else CANNOT)
+    return DIFFERENT if counts["different"] else CANNOT if counts["cannot"] else SAME

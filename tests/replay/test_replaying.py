@@ -378,6 +378,19 @@ def test_the_command_ends_with_what_came_of_it(
     assert out.splitlines()[-1].endswith("ticks replayed: 5 the same, 1 different")
 
 
+def test_a_whole_export_is_verified_and_replayed_at_once(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = typed(capsys, "verify", str(simulated), "--replay")
+    assert (status, err) == (0, "") and out.count("the same bit for bit") == 6
+    assert "as recorded" in out and out.splitlines()[-1].endswith("ticks replayed: 6 the same")
+    worse = str(changed(simulated, tmp_path, "ticks", with_cell(3, "entropy", "0.25")))
+    status, out, err = typed(capsys, "verify", worse, "--replay")
+    assert status == 1 and "ticks.csv" in out and "tick 3: entropy is 0.25 in the record" in out
+    status, _, err = typed(capsys, "verify", "--data", str(tmp_path), "--replay")
+    assert status == 1 and "--replay replays an export" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
