@@ -46,16 +46,17 @@ class Limits:
     """Different links that open nothing, from one address a minute."""
     joins_per_min: int = 60
     """Presses of the open link's button from one address a minute."""
-    evaluations_per_s: float = 5.0
-    """Evaluations of the arbiter a second from one address, for as long as one likes."""
+    evaluations_per_s: float = 10.0
+    """Evaluations of the arbiter a second from one address, for as long as one likes; one with many goals counts once
+    per ten goals. Whoever has the experimenter's token is not counted."""
     evaluations_burst: int = 200
-    """Evaluations of the arbiter from one address at once."""
+    """Evaluations of the arbiter from one address at once, counted alike."""
     evaluations_waiting: int = 16
     """Evaluations that wait for their turn; one is computed at a time."""
     hello_s: float = 10.0
     """Seconds within which a socket must say who it is."""
-    strangers: int = 100
-    """Dashboards' sockets that have not shown their token yet."""
+    strangers_per_address: int = 20
+    """Dashboards' sockets from one address that have not shown their token yet."""
     dashboards: int = 20
     """Dashboards that are open."""
     spectators: int = 20
@@ -174,6 +175,43 @@ class Bucket:
         return max(0.0, amount - self.left(now_s)) / self.per_s
 
 
+RECORDS_PER_SOCKET = 10
+"""That a page comes and goes is recorded too."""
+
+
+class Meter:
+    """What the pages of one session have said lately, on however many sockets, one after the other or at once."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._messages = Bucket(limits.messages_per_s, limits.messages_burst)
+        self._bytes = Bucket(limits.message_bytes_per_s, limits.message_bytes_burst)
+        self._records = Bucket(limits.records_per_s, limits.records_burst)
+
+    def opened(self, now_s: float) -> bool:
+        """Another socket: whether it is let in. It takes as much as some records do; and where hardly anything is left
+        to say, it is not."""
+        room = self._records.take(now_s, RECORDS_PER_SOCKET)
+        return room and not self._is_spent(now_s)
+
+    def _is_spent(self, now_s: float) -> bool:
+        return any(one.left(now_s) < one.burst / 4 for one in (self._messages, self._bytes, self._records))
+
+    def heard(self, size_bytes: int, now_s: float, is_paced: bool = True) -> str:
+        """One more frame, before it is read: what there is too much of, "" when nothing. `is_paced`: not in lockstep,
+        whose clients send as fast as ticks are computed."""
+        if is_paced and not self._messages.take(now_s):
+            return f"this page sends more than {self._messages.per_s:g} messages a second"
+        if is_paced and not self._bytes.take(now_s, size_bytes):
+            return f"this page sends more than {self._bytes.per_s:g} bytes a second"
+        return ""
+
+    def recorded(self, now_s: float, is_paced: bool = True) -> str:
+        """One more that is to be written to disk: as `heard`."""
+        if is_paced and not self._records.take(now_s):
+            return f"this page sends more than {self._records.per_s:g} submits and notes a second"
+        return ""
+
+
 class BucketsByAddress:
     """A bucket for each address, for so many of them; the least recent are forgotten first."""
 
@@ -183,14 +221,14 @@ class BucketsByAddress:
         self._addresses = addresses
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
 
-    def take(self, address: str, now_s: float) -> float:
-        """One more from this address: 0, or the seconds it has to wait."""
+    def take(self, address: str, now_s: float, amount: float = 1.0) -> float:
+        """So much more from this address: 0, or the seconds it has to wait."""
         key = network_of(address)
         bucket = self._buckets.pop(key, None) or Bucket(self._per_s, self._burst)
         self._buckets[key] = bucket
         if len(self._buckets) > self._addresses:
             self._buckets.popitem(last=False)
-        return 0.0 if bucket.take(now_s) else bucket.wait_s(now_s)
+        return 0.0 if bucket.take(now_s, amount) else bucket.wait_s(now_s, amount)
 
 
 def network_of(address: str) -> str:

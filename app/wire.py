@@ -355,10 +355,11 @@ class Ack(Message):
 
 
 class Error(Message):
-    """A message was refused; the session goes on. `field` names what was wrong with it."""
+    """A message was refused; the session goes on. `field` names what was wrong with it. After `too_many` the socket is
+    closed."""
 
     type: Literal["error"] = "error"
-    code: Literal["malformed", "invalid", "out_of_order", "illegal", "too_large", "protocol", "internal"]
+    code: Literal["malformed", "invalid", "out_of_order", "illegal", "too_large", "too_many", "protocol", "internal"]
     """What kind of mistake it is."""
     field: str | None
     """The place of the mistake, such as `data.hash`; null for the message as a whole."""

@@ -229,7 +229,7 @@ class Lab:
             return None if found is None else (store.session(found[0]), found[1])
 
         try:
-            return await self.store.run(look_up)
+            return await self.store.read(look_up)
         except SessionUnreadable as error:
             self.cannot_show(str(error).partition(":")[0], error)
             return None

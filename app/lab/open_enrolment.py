@@ -80,10 +80,10 @@ class OpenEnrolment:
         """The participant who began under the person's id."""
         person = self._lab.setup.study.recruitment.person
         kind, value = IDENTITY_PREFIX + person, ids[person]
-        return await self._lab.store.run(lambda store: store.participant_of_identity(kind, value))
+        return await self._lab.store.read(lambda store: store.participant_of_identity(kind, value))
 
     async def _answer(self, state: State | None, is_known: bool) -> Answer:
-        held = await self._lab.store.run(lambda store: store.cells_held())
+        held = await self._lab.store.read(lambda store: store.cells_held())
         return answer(self._lab.setup.study.recruitment, held, state, is_known)
 
     async def _enrol(self, ids: Mapping[str, str]) -> Offer:

@@ -54,6 +54,8 @@ class _Work:
     kind: Literal["attach", "detach", "message", "report", "exit", "command", "remark", "ping"]
     payload: Any = None
     client: Client | None = None
+    dealt: Callable[[], None] | None = field(default=None, repr=False)
+    """Called when it has been dealt with, or has come to nothing."""
     done: asyncio.Future[None] | None = field(default=None, repr=False)
 
 
@@ -114,12 +116,13 @@ class LiveSession:
         """A page is gone."""
         self._queue.put_nowait(_Work("detach", client=client))
 
-    def receive(self, client: Client, message: Message) -> None:
-        """A page sent a message. The state of the hands does not wait in the queue."""
+    def receive(self, client: Client, message: Message, dealt: Callable[[], None] | None = None) -> None:
+        """A page sent a message. The state of the hands does not wait in the queue. Of the others, `dealt` tells when
+        it has been dealt with: whoever reads the page's messages need not read more than fit."""
         if isinstance(message, (Input, Heartbeat)):
             self._on_hands(client, message)
         else:
-            self._queue.put_nowait(_Work("message", message, client))
+            self._queue.put_nowait(_Work("message", message, client, dealt))
 
     async def command(self, command: Command, by: str) -> None:
         """Something an experimenter does with the session. Raises `app.session.commands.NotNow`."""
@@ -283,6 +286,8 @@ class LiveSession:
                 raise
             except Exception as error:
                 self._could_not(work, error)
+            if work.dealt is not None:
+                work.dealt()
             self._services.changed(self.enrolment.participant)
 
     def _could_not(self, work: _Work, error: Exception) -> None:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from app.lab.lab import Lab
 from app.lab.tokens import Attempts
 from study.json_text import parse_json
+from app.web.guard import address_of, shows_token
 
 WHO_HEADER = "Salab-Who"
 """Tells experimenters apart who share the one token. It proves nothing."""
@@ -68,6 +69,11 @@ def lab_of(request: Request) -> Lab:
     return lab
 
 
+def has_token(request: Request) -> bool:
+    """Whether it comes from an experimenter."""
+    return shows_token(request.headers, lab_of(request))
+
+
 def experimenter(request: Request) -> str:
     """Lets only the experimenter through."""
     _check_bearer(request, lab_of(request).is_experimenter)
@@ -99,9 +105,9 @@ def who_says(given: str) -> str:
 def check_wrong_token(request: Request, token: str) -> None:
     """Counts it; after too many the answer is 429. Who has the right token never gets here."""
     wrong_tokens: Attempts = request.app.state.wrong_tokens
-    address = request.client.host if request.client else ""
-    wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic()))
+    wait_s = math.ceil(wrong_tokens.add(address_of(request.scope), token, time.monotonic()))
     if wait_s > 0:
+        lab_of(request).refusals.add("wrong_tokens")
         text = f"too many wrong tokens from this address; try again in {wait_s} s"
         raise HTTPException(429, text, headers={"Retry-After": str(wait_s)})
 

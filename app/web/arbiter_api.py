@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
 
@@ -18,9 +21,12 @@ from app.autonomy.arbiters.weighing import WeighingArbiter, Weights, WeightsWith
 from app.autonomy.errors import AutonomyError
 from app.autonomy.evaluation import evaluate, state_of
 from app.autonomy.interface import Models
+from app.lab.lab import Lab
+from app.limits import BucketsByAddress
 from app.trial.parts import make_arbiter
 from app.trial.setup import StudySetup
-from app.web.access import RequestBody, StrictRoute, TheLab, refusals
+from app.web.access import ErrorReply, RequestBody, StrictRoute, TheLab, has_token, refusals
+from app.web.guard import address_of
 from app.worker.one_answer import Question
 from study.parts.errors import PartError
 from study.parts.shelf import Named
@@ -35,6 +41,8 @@ Axis = Literal[-1, 0, 1]
 
 
 MAX_GOALS = 100
+GOALS_PER_EVALUATION = 10
+"""One with more goals counts for several: it takes as long."""
 
 
 MAX_WEIGHT = 1e15
@@ -162,16 +170,59 @@ def arbiters_of(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingAr
 public = APIRouter(prefix="/api", tags=["open"], route_class=StrictRoute)
 
 
-@public.post("/arbiter/evaluate", responses=refusals(422))
-async def arbiter_evaluate(body: EvaluateRequest, lab: TheLab) -> EvaluateReply:
+class Evaluations:
+    """Whose turn it is. One is computed at a time, on a thread of its own: ticks and pages do not wait for it."""
+
+    def __init__(self, lab: Lab) -> None:
+        limits = lab.config.limits
+        self._lab = lab
+        self._asked = BucketsByAddress(limits.evaluations_per_s, limits.evaluations_burst, limits.addresses)
+        self._most = limits.evaluations_waiting
+        self._waiting = 0
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="evaluate")
+
+    async def run(self, body: EvaluateRequest, address: str | None) -> EvaluateReply:
+        """Answer it, or refuse with 429. `address` None: whoever asks is not counted."""
+        amount = max(1.0, len(body.goals_m) / GOALS_PER_EVALUATION)
+        wait_s = 0.0 if address is None else self._asked.take(address, time.monotonic(), amount)
+        if wait_s > 0:
+            raise self._too_many("too many evaluations from this address", wait_s)
+        if self._waiting >= self._most:
+            raise self._too_many(f"{self._waiting} evaluations wait already", 1.0)
+        self._waiting += 1
+        try:
+            lab, loop = self._lab, asyncio.get_running_loop()
+            return await loop.run_in_executor(self._thread, evaluate_request, body, lab.setup, lab.one_answer)
+        finally:
+            self._waiting -= 1
+
+    def _too_many(self, text: str, wait_s: float) -> HTTPException:
+        self._lab.refusals.add("evaluations")
+        seconds = math.ceil(wait_s)
+        return HTTPException(429, f"{text}; try again in {seconds} s", headers={"Retry-After": str(seconds)})
+
+    def close(self) -> None:
+        """Give the thread back."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+TOO_MANY: dict[int | str, dict[str, Any]] = {
+    429: {"model": ErrorReply, "description": "too many evaluations are asked for; `Retry-After` has the seconds"}
+}
+
+
+@public.post("/arbiter/evaluate", responses={**refusals(422), **TOO_MANY})
+async def arbiter_evaluate(body: EvaluateRequest, request: Request, lab: TheLab) -> EvaluateReply:
     """Update a belief and weigh all 27 actions (paper III). Limits of the arm and stickiness are not part of this."""
+    evaluations: Evaluations = request.app.state.evaluations
     try:
-        return await asyncio.to_thread(evaluate_request, body, lab.setup, lab.one_answer)
+        return await evaluations.run(body, None if has_token(request) else address_of(request.scope))
     except AutonomyError as error:
         problem = {"type": "value_error", "loc": ("body", str(error).split()[0]), "msg": str(error)[:300]}
         raise RequestValidationError([problem]) from None
 
 
-def add_arbiter_api(app: FastAPI) -> None:
+def add_arbiter_api(app: FastAPI, lab: Lab) -> None:
     """Put all routes of this file into an app whose `state.lab` is the lab."""
+    app.state.evaluations = Evaluations(lab)
     app.include_router(public)

@@ -32,6 +32,8 @@ from app.web.security_headers import complete
 
 LINGER_S = 1.0
 """A refused connection is closed so long after its answer: closed at once, the answer might not arrive."""
+CLOSED_WITHIN_S = 2.0
+"""A socket that is told to close may take so long to; uvicorn's ten seconds are a long time for what is not read."""
 OTHER_FILES = 128
 """File descriptors that are kept for everything but connections: database, workers, files that are served."""
 TOO_LARGE = HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE
@@ -295,6 +297,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         limits = self.door.limits
         self._frames = Bucket(limits.frames_per_s, limits.frames_burst)
         self._is_over = False
+        self.close_timeout = CLOSED_WITHIN_S
         reject = self.conn.reject
 
         def completed(status: int, text: str) -> Response:

@@ -94,6 +94,8 @@ def add_dashboard_frames(app: FastAPI, lab: Lab) -> None:
             return
         session = lab.live_session(participant)
         with places.take("scenes") as is_free:
+            if not is_free:
+                lab.refusals.add("sockets")
             if session is None or not is_free:
                 await websocket.close(1013)
                 return

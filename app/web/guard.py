@@ -64,8 +64,7 @@ class Guard:
         if self._open.get(address, 0) >= limits.connections_per_address:
             text = f"more than {limits.connections_per_address} connections are open from this address"
             return self._refused("connections", 429, text, wait_s=1.0)
-        scheme, _, token = headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer" and self._lab.is_experimenter(token.strip()):
+        if shows_token(headers, self._lab):
             return None
         wait_s = self._buckets.take(address, self._now_s())
         if wait_s > 0:
@@ -79,6 +78,12 @@ class Guard:
         if wait_s > 0:
             headers["Retry-After"] = str(math.ceil(wait_s))
         return JSONResponse({"detail": text}, status, headers=headers)
+
+
+def shows_token(headers: Headers, lab: Lab) -> bool:
+    """Whether a request has the experimenter's token."""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return scheme.lower() == "bearer" and lab.is_experimenter(token.strip())
 
 
 def address_of(scope: Scope) -> str:

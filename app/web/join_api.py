@@ -15,6 +15,7 @@ from app.lab.open_enrolment import Offer, OpenEnrolment, cookie_name
 from app.lab.tokens import Attempts, new_token
 from app.web.access import ErrorReply, StrictRoute, TheLab, refusals
 from app.web.addresses import COOKIES, place_of, prefix, set_cookie
+from app.web.guard import address_of
 from app.web.participant_socket import same_origin
 from study.definition.link_placeholders import filled
 from study.flow.facts import as_read
@@ -101,9 +102,10 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
     if not same_origin(request, lab.config.public_url):
         raise HTTPException(403, "only the lab's own page joins; open the link itself")
     attempts: Attempts = request.app.state.joins
-    address = request.client.host if request.client else ""
-    wait_s = math.ceil(attempts.add(address, new_token(), time.monotonic()))  # each counts, whatever it says
+    # Each counts, whatever it says.
+    wait_s = math.ceil(attempts.add(address_of(request.scope), new_token(), time.monotonic()))
     if wait_s > 0:
+        lab.refusals.add("joins")
         text = lab.setup.study.words.tn(
             "Too many people begin from this address at once. Please try again in one second.",
             "Too many people begin from this address at once. Please try again in {n} seconds.",

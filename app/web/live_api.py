@@ -32,7 +32,8 @@ from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
 from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
-from app.web.participant_socket import HELLO_WITHIN_S, Places, same_origin
+from app.web.guard import address_of
+from app.web.participant_socket import Places, same_origin
 from app.web.sessions_api import Known, SessionReply, in_order_of_enrolment, session_reply, unreadable_reply
 from study.flow.page import Text
 from study.flow.protocol import Session
@@ -345,21 +346,24 @@ async def _message(websocket: WebSocket, kind: type[Any]) -> Any:
 async def _why_refused(websocket: WebSocket, lab: Lab) -> str:
     """Why the dashboard is not let in, "" when it is. Wrong tokens are counted with those of the HTTP API."""
     try:
-        hello = await asyncio.wait_for(_message(websocket, _Hello), HELLO_WITHIN_S)
+        hello = await asyncio.wait_for(_message(websocket, _Hello), lab.config.limits.hello_s)
     except (asyncio.TimeoutError, WebSocketDisconnect):
+        lab.refusals.add("hello")
         hello = None
     token = hello.token.strip() if hello is not None else ""
     if lab.is_experimenter(token):
         return ""
     wrong_tokens: Attempts = websocket.app.state.wrong_tokens
-    address = websocket.client.host if websocket.client else ""
-    wait_s = math.ceil(wrong_tokens.add(address, token, time.monotonic())) if token else 0
+    wait_s = math.ceil(wrong_tokens.add(address_of(websocket.scope), token, time.monotonic())) if token else 0
+    if wait_s:
+        lab.refusals.add("wrong_tokens")
     return f"too many wrong tokens; try again in {wait_s} s" if wait_s else "the experimenter's token is needed"
 
 
 def add_live(app: FastAPI, lab: Lab) -> None:
     """Put the socket and the routes of this file into an app."""
     places = Places(lab.config.limits.dashboards)
+    strangers = Places(lab.config.limits.strangers_per_address)
     app.include_router(private)
 
     @app.websocket("/dashboard/socket")
@@ -367,8 +371,13 @@ def add_live(app: FastAPI, lab: Lab) -> None:
         if not same_origin(websocket, lab.config.public_url):
             await websocket.close(1008)
             return
-        await websocket.accept()
-        refused = await _why_refused(websocket, lab)
+        with strangers.take(address_of(websocket.scope)) as is_free:
+            if not is_free:
+                lab.refusals.add("hello")
+                await websocket.close(1013)
+                return
+            await websocket.accept()
+            refused = await _why_refused(websocket, lab)
         if refused:
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 await websocket.close(1008, refused)
@@ -377,6 +386,7 @@ def add_live(app: FastAPI, lab: Lab) -> None:
             if is_free:
                 await Stream(websocket, lab).run()
             else:
+                lab.refusals.add("sockets")
                 await websocket.close(1013, "too many dashboards are open")
 
 

@@ -7,7 +7,9 @@ import contextlib
 import json
 import math
 import re
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -15,29 +17,68 @@ from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import TypeAdapter, ValidationError
 from starlette.requests import HTTPConnection
 
+from app.limits import Limits, Meter, Refusals
 from app.session.interfaces import Role
 from app.session.session import LiveSession
-from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, ClientMessage, Error, Hello, Message
+from app.wire import (
+    CLIENT_MESSAGE,
+    MAX_MESSAGE_BYTES,
+    PROTOCOL_VERSION,
+    ClientMessage,
+    Error,
+    Heartbeat,
+    Hello,
+    Input,
+    Message,
+    Note,
+    Submit,
+)
+from sim.interface import TICK_S
 from study.json_text import once, whole_number
 
-HELLO_WITHIN_S = 10.0
 CLOSE_WITHIN_S = 2.0
-MAX_QUEUED = 1000
-"""A page that lets this many messages pile up is cut off; it comes back and gets the present state."""
+CLOSE_NORMAL = 1000
+CLOSE_REFUSED = 1008
+CLOSE_TRY_LATER = 1013
+BEHIND_S = TICK_S
+"""A page whose messages had to wait so long is behind: what its hands did meanwhile is over."""
+CAUGHT_UP_S = 0.02
+"""It has caught up when nothing came for so long: what is on its way already comes at once."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What holds for one socket: the table, the session's meter, and where refusals are counted."""
+
+    limits: Limits
+    meter: Meter
+    refusals: Refusals
+
+
+def usual_bounds() -> Bounds:
+    """The defaults, for a session of its own."""
+    return Bounds(Limits(), Meter(Limits()), Refusals())
 
 
 class SocketClient:
     """A connected page, as `app.session.session.Client` wants it."""
 
     def __init__(
-        self, websocket: WebSocket, role: Role, hello: Hello, refused: Callable[[str], None] = lambda code: None
+        self,
+        websocket: WebSocket,
+        role: Role,
+        hello: Hello,
+        bounds: Bounds,
+        refused: Callable[[str], None] = lambda code: None,
     ) -> None:
         self.role: Role = role
         self.name = hello.client
         self.telemetry = hello.telemetry
+        self.room = asyncio.Semaphore(bounds.limits.waiting_messages)
+        """For messages that wait to be dealt with."""
         self._websocket = websocket
         self._refused = refused
-        self._outgoing: asyncio.Queue[Message | None] = asyncio.Queue(MAX_QUEUED)
+        self._outgoing: asyncio.Queue[Message | int] = asyncio.Queue(bounds.limits.unsent_messages)
         self._overrun = asyncio.Event()
 
     def deliver(self, message: Message) -> None:
@@ -49,19 +90,19 @@ class SocketClient:
         except asyncio.QueueFull:
             self._overrun.set()
 
-    def end(self) -> None:
+    def end(self, code: int = CLOSE_NORMAL) -> None:
         """Close once everything queued is sent."""
         try:
-            self._outgoing.put_nowait(None)
+            self._outgoing.put_nowait(code)
         except asyncio.QueueFull:
             self._overrun.set()
 
     async def send_all(self) -> None:
         """Send what is queued until told to end."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            while (message := await self._outgoing.get()) is not None:
+            while not isinstance(message := await self._outgoing.get(), int):
                 await self._websocket.send_text(message.model_dump_json())
-            await self._websocket.close(1000)
+            await self._websocket.close(message)
 
     async def cut_off(self) -> None:
         """Returns once the page has let so much pile up that it is not worth waiting for."""
@@ -112,40 +153,62 @@ async def serve(
     session: LiveSession,
     role: Role,
     taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE,
+    bounds: Bounds | None = None,
     refused: Callable[[str], None] = lambda code: None,
 ) -> None:
     """Speak the protocol on an accepted socket until either side leaves. `taken` is what a page may say; `refused` is
     called with the code of each refusal."""
+    bounds = bounds or usual_bounds()
     try:
-        hello = await asyncio.wait_for(_hello(websocket), HELLO_WITHIN_S)
+        hello = await asyncio.wait_for(_hello(websocket, bounds), bounds.limits.hello_s)
     except asyncio.TimeoutError:
+        bounds.refusals.add("hello")
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            await websocket.close(1008, "no hello")
+            await websocket.close(CLOSE_REFUSED, "no hello")
         return
     except (WebSocketDisconnect, RuntimeError):
         return  # gone before it said anything, or while it was told what was wrong
-    client = SocketClient(websocket, role, hello, refused)
+    if hello is None:
+        return
+    client = SocketClient(websocket, role, hello, bounds, refused)
     session.attach(client)
     sending = asyncio.create_task(client.send_all())
-    receiving = asyncio.create_task(_receive_all(websocket, session, client, taken))
+    receiving = asyncio.create_task(_receive_all(websocket, session, client, taken, bounds))
     cut_off = asyncio.create_task(client.cut_off())
     tasks = (sending, receiving, cut_off)
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        if receiving.done() and not receiving.cancelled() and receiving.exception() is None and receiving.result():
+            await asyncio.wait((sending, cut_off), timeout=CLOSE_WITHIN_S, return_when=asyncio.FIRST_COMPLETED)
     finally:
         session.detach(client)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
     if not cut_off.cancelled():
+        bounds.refusals.add("unsent")
         with contextlib.suppress(WebSocketDisconnect, RuntimeError, asyncio.TimeoutError):
-            await asyncio.wait_for(websocket.close(1013), CLOSE_WITHIN_S)
+            await asyncio.wait_for(websocket.close(CLOSE_TRY_LATER), CLOSE_WITHIN_S)
 
 
-async def _hello(websocket: WebSocket) -> Hello:
-    """The first message; whatever else comes first is refused and the socket stays open."""
+async def refuse(websocket: WebSocket, why: str) -> None:
+    """The typed refusal of an accepted socket that says too much, and its end."""
+    message = Error(code="too_many", field=None, message=why)
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, asyncio.TimeoutError):
+        await asyncio.wait_for(websocket.send_text(message.model_dump_json()), CLOSE_WITHIN_S)
+        await asyncio.wait_for(websocket.close(CLOSE_TRY_LATER), CLOSE_WITHIN_S)
+
+
+async def _hello(websocket: WebSocket, bounds: Bounds) -> Hello | None:
+    """The first message; whatever else comes first is refused and the socket stays open. None once it was too much."""
     while True:
-        message = parse(await _text(websocket))
+        frame = await _text(websocket)
+        over = bounds.meter.heard(len(frame), time.monotonic())
+        if over:
+            bounds.refusals.add("messages")
+            await refuse(websocket, over)
+            return None
+        message = parse(frame)
         if isinstance(message, Hello) and message.protocol == PROTOCOL_VERSION:
             return message
         if isinstance(message, Hello):
@@ -157,17 +220,48 @@ async def _hello(websocket: WebSocket) -> Hello:
 
 
 async def _receive_all(
-    websocket: WebSocket, session: LiveSession, client: SocketClient, taken: TypeAdapter[ClientMessage]
-) -> None:
+    websocket: WebSocket,
+    session: LiveSession,
+    client: SocketClient,
+    taken: TypeAdapter[ClientMessage],
+    bounds: Bounds,
+) -> bool:
+    """Read until the page leaves, or says too much: True then, and it is being told.
+
+    No more is read than can be dealt with: while `waiting_messages` of this page wait, the socket is not read, so that
+    the page's own system holds back what it says. The hands never wait; but what they did while others waited is over,
+    and is taken as hands off.
+    """
+    is_paced, is_behind = session.enrolment.pace == "real_time", False
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         while True:
-            message = parse(await _text(websocket), taken)
+            asked_s = time.monotonic()
+            frame = await _text(websocket)
+            now_s = time.monotonic()
+            is_behind = is_behind and now_s - asked_s < CAUGHT_UP_S
+            over = bounds.meter.heard(len(frame), now_s, is_paced)
+            message = parse(frame, taken) if not over else None
+            if isinstance(message, (Submit, Note)):
+                over = bounds.meter.recorded(now_s, is_paced)
+            if over or message is None:
+                bounds.refusals.add("records" if message else "messages")
+                client.deliver(Error(code="too_many", field=None, message=over))
+                client.end(CLOSE_TRY_LATER)
+                return True
             if isinstance(message, Error):
                 client.deliver(message)
             elif isinstance(message, Hello):
                 client.deliver(Error(code="protocol", field="type", message="'hello' is said once"))
+            elif isinstance(message, Input):
+                late = {"direction": None, "gripper": None} if is_behind else {}
+                session.receive(client, message.model_copy(update=late))
+            elif isinstance(message, Heartbeat):
+                session.receive(client, message.model_copy(update={"direction": None}) if is_behind else message)
             else:
-                session.receive(client, message)
+                await client.room.acquire()
+                is_behind = is_behind or (is_paced and time.monotonic() - now_s > BEHIND_S)
+                session.receive(client, message, client.room.release)
+    return False
 
 
 async def _text(websocket: WebSocket) -> str | bytes:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import math
+import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -20,6 +22,8 @@ from starlette.types import ASGIApp, Scope
 
 from app.errors import LabError
 from app.lab.lab import Lab, NoSuchParticipant, StudyUnreadable
+from app.lab.tokens import Attempts
+from app.limits import Meter
 from app.monitoring.log_lines import about
 from app.session.interfaces import Role
 from app.session.session import LiveSession
@@ -29,7 +33,7 @@ from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.web.arbiter_api import add_arbiter_api
 from app.web.counted import Counted, Named
 from app.web.dashboard_frames import add_dashboard_frames
-from app.web.guard import Guard
+from app.web.guard import Guard, address_of
 from app.web.health_api import add_health_api
 from app.web.join_api import STATUS, add_join, look
 from app.web.live_api import add_live
@@ -81,6 +85,7 @@ def create_app(lab: Lab) -> FastAPI:
         try:
             yield
         finally:
+            app.state.evaluations.close()
             await lab.close()
 
     app = FastAPIOffline(
@@ -96,7 +101,7 @@ def create_app(lab: Lab) -> FastAPI:
     _add_guard(app, lab)
     add_sessions_api(app, lab)
     add_health_api(app)
-    add_arbiter_api(app)
+    add_arbiter_api(app, lab)
     add_roster_api(app)
     add_results_api(app)
     add_live(app, lab)
@@ -183,9 +188,17 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
         headers = {CSP: PAGE, "Cache-Control": "no-cache"}
         return HTMLResponse(text, status, headers=headers)
 
-    def forbidden() -> Response:
-        """One answer for every link that is not valid: it tells nothing about what exists."""
-        return page("forbidden.html", 403, lab.setup.study.words)
+    wrong_links = Attempts(lab.config.limits.wrong_links_per_min, addresses=lab.config.limits.addresses)
+
+    def forbidden(request: Request, token: str | None) -> Response:
+        """One answer for every link that is not valid: it tells nothing about what exists. Whoever tries many has to
+        wait."""
+        wait_s = math.ceil(wrong_links.add(address_of(request.scope), token, time.monotonic())) if token else 0
+        response = page("forbidden.html", 429 if wait_s else 403, lab.setup.study.words)
+        if wait_s:
+            lab.refusals.add("wrong_links")
+            response.headers["Retry-After"] = str(wait_s)
+        return response
 
     async def words_of(request: Request, role: Role) -> Words:
         """The words of the study that the holder of this page's cookie is enrolled in."""
@@ -200,11 +213,14 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
         """Changes nothing: whoever fetches a link may be a mail scanner. The page's socket is what begins a session."""
         place = await lab.place(token)
         if place is None or place[1] != role:
-            return forbidden()
+            return forbidden(request, token)
         path = place_of(place[0], role)
         response = RedirectResponse(f"{prefix(lab)}{path}/", 303)
         set_cookie(response, request, lab, COOKIES[role], token, path)
         return response
+
+    def given(request: Request, role: Role = "participant") -> str | None:
+        return request.cookies.get(COOKIES[role])
 
     async def is_holder(request: Request, public_id: str, role: Role) -> bool:
         token = request.cookies.get(COOKIES[role])
@@ -234,17 +250,25 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     @app.get("/s/{public_id}/", include_in_schema=False)
     async def participant_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
-        return page("participant.html", words=await words_of(request, "participant")) if allowed else forbidden()
+        return (
+            page("participant.html", words=await words_of(request, "participant"))
+            if allowed
+            else forbidden(request, given(request))
+        )
 
     @app.get("/s/{public_id}/panel/", include_in_schema=False)
     async def panel_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "panel")
-        return page("panel.html", words=await words_of(request, "panel")) if allowed else forbidden()
+        return (
+            page("panel.html", words=await words_of(request, "panel"))
+            if allowed
+            else forbidden(request, given(request, "panel"))
+        )
 
     @app.get("/s/{public_id}/scene/", include_in_schema=False)
     async def scene_page(request: Request, public_id: str) -> Response:
         allowed = await is_holder(request, public_id, "participant")
-        return scene_page_response(request.headers) if allowed else forbidden()
+        return scene_page_response(request.headers) if allowed else forbidden(request, given(request))
 
     @app.get("/s/{public_id}/second-device.svg", include_in_schema=False)
     async def second_device_qr(request: Request, public_id: str) -> Response:
@@ -252,7 +276,7 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
         token = request.cookies.get(COOKIES["participant"])
         holder = await lab.holder(token) if token else None
         if holder is None or (holder[0].public_id, holder[1]) != (public_id, "participant"):
-            return forbidden()
+            return forbidden(request, token)
         live = lab.live_session(holder[0].participant)
         if live is None or live.panel_link is None:
             return Response(status_code=404)
@@ -307,6 +331,8 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
         return None
 
     places = sockets.Places(lab.config.limits.sockets_per_session)
+    meters: dict[str, Meter] = {}
+    """Of each session: another socket says no more than the one before."""
 
     async def turned_away(request: Request, public_id: str, role: Role) -> Response:
         """Why a page whose link is good is not let in: a browser is not told why its socket was refused."""
@@ -338,12 +364,20 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
             return
         with places.take(public_id) as is_free:
             if not is_free:
+                lab.refusals.add("sockets")
                 await websocket.close(1013)
+                return
+            meter = meters.setdefault(public_id, Meter(lab.config.limits))
+            if session.enrolment.pace == "real_time" and not meter.opened(time.monotonic()):
+                lab.refusals.add("messages")
+                await websocket.accept()
+                await sockets.refuse(websocket, "this page has sent too much; it is let in again after a while")
                 return
             agent = websocket.headers.get("user-agent", "")[:300]
             await lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
             await websocket.accept()
-            await sockets.serve(websocket, session, role, lab.client_message, lab.metrics.refused)
+            bounds = sockets.Bounds(lab.config.limits, meter, lab.refusals)
+            await sockets.serve(websocket, session, role, lab.client_message, bounds, lab.metrics.refused)
 
     @app.websocket("/s/{public_id}/socket")
     async def participant_socket(websocket: WebSocket, public_id: str) -> None:

@@ -137,10 +137,13 @@ export interface AlertClosed {
   release_in_s: number;
 }
 
-/** A message was refused; the session goes on. `field` names what was wrong with it. */
+/**
+ * A message was refused; the session goes on. `field` names what was wrong with it. After `too_many` the socket is
+ * closed.
+ */
 export interface Error {
   type: "error";
-  code: "malformed" | "invalid" | "out_of_order" | "illegal" | "too_large" | "protocol" | "internal";
+  code: "malformed" | "invalid" | "out_of_order" | "illegal" | "too_large" | "too_many" | "protocol" | "internal";
   field: string | null;
   message: string;
   id: string | null;

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import socket
 import struct
 import time
@@ -265,3 +266,10 @@ def test_each_bound_can_be_set_and_what_is_none_is_told() -> None:
 def test_a_proxy_is_an_address() -> None:
     with pytest.raises(LabError, match=r"--trusted-proxy \*: must be the address of a proxy"):
         Proxies(["*"])
+
+
+def test_every_bound_is_reached_by_its_name_somewhere() -> None:
+    """No bound that nothing asks for."""
+    sources = "".join(path.read_text(encoding="utf-8") for path in sorted((labs.ROOT / "app").rglob("*.py")))
+    for name in Limits.__dataclass_fields__:
+        assert re.search(rf"limits(\(\))?\.{name}\b", sources), name

@@ -199,7 +199,7 @@ def test_head_answers_like_get_on_every_route(quick_lab: LabServer, client: http
             }, asked
 
 
-CHANGES = {"/api/export", "/api/sessions", "/api/roster"}
+CHANGES = {"/api/export", "/api/sessions", "/api/roster", "/api/metrics"}
 """What others in this session change meanwhile, or is made anew each time."""
 
 

@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import json
 import random
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -280,6 +281,7 @@ class Recorder:
     """Stands for a session: it remembers who came and went."""
 
     def __init__(self) -> None:
+        self.enrolment = SimpleNamespace(pace="real_time")
         self.attached: asyncio.Queue[sockets.SocketClient] = asyncio.Queue()
         self.gone: list[sockets.SocketClient] = []
 
@@ -299,7 +301,7 @@ async def test_a_page_that_takes_nothing_is_cut_off_and_blocks_nobody() -> None:
     socket, session = StalledSocket(), Recorder()
     serving = asyncio.create_task(serve(socket, session))
     client = await asyncio.wait_for(session.attached.get(), 5.0)
-    for number in range(sockets.MAX_QUEUED + 2):
+    for number in range(Limits().unsent_messages + 2):
         client.deliver(Ping(n=number))  # returns at once, every time
     await asyncio.wait_for(serving, 10.0)
     assert session.gone == [client]
