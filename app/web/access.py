@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict
 
 from app.lab.lab import Lab
 from app.lab.tokens import Attempts
-from study.json_text import parse_json
 from app.web.guard import address_of, shows_token
+from study.json_text import parse_json
 
 WHO_HEADER = "Salab-Who"
 """Tells experimenters apart who share the one token. It proves nothing."""
