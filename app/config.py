@@ -84,5 +84,7 @@ class LabConfig:
     """Addresses or networks of proxies whose word on who asks is believed; with a public URL, this machine's own."""
     limits: Limits = field(default_factory=Limits)
     """What a client may cost the lab at most: the table below."""
+    unsaved_pause_s: float = 60.0
+    """A session whose lab cannot save for this long, in seconds, is paused; before, it goes on by itself."""
     worker_restarts: int = 3
     """How often a crashed worker is replaced within one trial before the session is paused for the experimenter."""

@@ -277,13 +277,25 @@ class World(Message):
 
 
 class Status(Message):
-    """The robot is not running ticks, or runs again. `held` = this page's heartbeat is missing."""
+    """The robot is not running ticks, or runs again. `held` = this page's heartbeat is missing, or the lab cannot save
+    (see `saves`)."""
 
     type: Literal["status"] = "status"
     status: Literal["starting", "ready", "running", "paused", "held", "recovering"]
     """What the robot does now."""
     reason: str | None = None
     """Why, in words for the participant; null for none."""
+
+
+class Saves(Message):
+    """Whether the lab can save, whenever that changes. While it cannot, nothing is acknowledged and the robot stands
+    still; what was sent is dealt with when it can."""
+
+    type: Literal["saves"] = "saves"
+    works: bool
+    """Whether it can."""
+    text: str | None = None
+    """What to do meanwhile, in words for the participant; null when it can."""
 
 
 class AlertChoice(BaseModel):
@@ -400,6 +412,7 @@ ServerMessage = Annotated[
     | Tick
     | World
     | Status
+    | Saves
     | Alert
     | AlertClosed
     | Panel

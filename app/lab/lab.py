@@ -35,7 +35,7 @@ from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.one_answer import Question, one_answer
 from app.worker.probes import prepared_scene, why_no_process
-from app.worker.process import WorkerProcess, warm_up, worker_context
+from app.worker.process import WorkerProcess, tend_fork_server, warm_up, worker_context
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
 from study.export.placing import sweep_noted
@@ -51,6 +51,7 @@ from study.store import (
     SessionUnreadable,
     Store,
     StoredSession,
+    StoreTroubled,
     fingerprint_id,
     machine_fingerprint,
     open_store,
@@ -59,6 +60,10 @@ from study.store import (
 log = logging.getLogger(__name__)
 
 PROBE_EVERY_S = 2.0
+LOOK_AFTER_EVERY_S = 0.25
+"""How often workers are asked for a sign of life."""
+NOT_LISTENING_S = 0.5
+"""A lab that looks so much later than it meant to has not listened: no worker is blamed for that."""
 DESERTED_S = 600.0
 """A session without a page for this long gives its worker back; it comes back with its page."""
 MOST_OF_A_REASON = 300
@@ -131,8 +136,8 @@ class Lab:
         self._setup: StudySetup | None = None
         self._live: dict[str, LiveSession] = {}
         self._opening: dict[str, asyncio.Lock] = {}
-        self._probe: asyncio.Task[None] | None = None
-        self._health_watch: asyncio.Task[None] | None = None
+        self._tasks: tuple[asyncio.Task[None], ...] = ()
+        self._notes: set[asyncio.Task[None]] = set()
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
@@ -176,16 +181,18 @@ class Lab:
         self.store.watch()
         await self.reporter.discard()  # of a lab that was killed
         await asyncio.to_thread(sweep_noted, self.config.data_dir)
-        self._probe = asyncio.create_task(self._probe_sessions(), name="probe sessions")
-        self._health_watch = asyncio.create_task(self.health.watch(), name="watch health")
+        self._tasks = (
+            asyncio.create_task(self._probe_sessions(), name="probe sessions"),
+            asyncio.create_task(self._look_after_sessions(), name="look after sessions"),
+            asyncio.create_task(self.health.watch(), name="watch health"),
+        )
         log.info("the lab serves", extra=about(robot=self.config.robot, pace=self.config.pace, scene=self.config.scene))
 
     async def close(self) -> None:
         """End every worker and close the store. Sessions go on where they were when a lab opens again."""
-        for task in (self._probe, self._health_watch):
-            if task is not None:
-                task.cancel()
-                await asyncio.gather(task, return_exceptions=True)
+        for task in (*self._tasks, *self._notes):
+            task.cancel()
+        await asyncio.gather(*self._tasks, *self._notes, return_exceptions=True)
         await self.reporter.discard()
         for one in await asyncio.gather(*(live.close() for live in self._live.values()), return_exceptions=True):
             if isinstance(one, Exception):
@@ -282,14 +289,16 @@ class Lab:
         self.changed(stored.participant)
         return Invitation(stored.participant, stored.public_id, tokens["participant"], tokens["panel"])
 
-    async def note_identity(self, participant: str, kind: str, value: str) -> None:
-        """Keep something that identifies a person, once; it is never exported."""
+    def note_identity(self, participant: str, kind: str, value: str) -> None:
+        """Keep something that identifies a person, once; it is never exported. Nobody waits for it."""
 
         def write(store: Store) -> None:
             if (kind, value) not in store.identities(participant):
                 store.add_identity(participant, kind, value)
 
-        await self.store.run(write)
+        noting = asyncio.create_task(self.store.keep(write), name="note identity")
+        self._notes.add(noting)
+        noting.add_done_callback(self._notes.discard)
 
     def link(self, token: str, role: Literal["participant", "panel"] = "participant") -> str:
         """The link that carries a token."""
@@ -354,7 +363,7 @@ class Lab:
 
     async def stored_sessions(self) -> tuple[StoredSession, ...]:
         """Everyone whose session can be read, as stored."""
-        return await self.store.run(lambda store: store.sessions())
+        return await self.store.read(lambda store: store.sessions())
 
     def cannot_show(self, participant: str, error: Exception) -> str:
         """Why somebody's session is not shown, for the line that stands for it. Logged when it is new."""
@@ -384,8 +393,11 @@ class Lab:
 
     def changed(self, participant: str) -> None:
         """Tell those who look on."""
-        for watcher in self._watchers:
-            watcher(participant)
+        for watcher in tuple(self._watchers):
+            try:
+                watcher(participant)
+            except Exception:  # one that looks on must not end what it looks at
+                log.exception("somebody who looks on could not be told")
 
     # ---- live sessions ------------------------------------------------------------------------------------------
 
@@ -433,7 +445,9 @@ class Lab:
     async def stored_session(self, participant: str) -> StoredSession:
         """One participant, as stored. Raises `NoSuchParticipant`, and `RecordUnreadable` for what cannot be read."""
         try:
-            return await self.store.run(lambda store: store.session(participant))
+            return await self.store.read(lambda store: store.session(participant))
+        except StoreTroubled:
+            raise
         except SessionUnreadable as error:
             self.cannot_show(participant, error)
             raise RecordUnreadable(f"what is stored of {error}") from None
@@ -528,11 +542,11 @@ class Lab:
         if setup is None:
             return None
         participant = enrolment.participant
-        start, log = await self.store.run(lambda store: cycle_under_way(store, participant, trial, kind))
+        start, past = await self.store.keep(lambda store: cycle_under_way(store, participant, trial, kind))
         return WorkerSpec(
             setup=setup.trial_setup(participant, enrolment.plan, trial, kind),
             start=start,
-            log=log,
+            log=past,
             robot=self.config.robot,
             pace=enrolment.pace,
             scene=self.config.scene and enrolment.pace == "real_time",
@@ -542,11 +556,11 @@ class Lab:
             log_format=self.config.log_format,
         )
 
-    def _start_worker(
+    async def _start_worker(
         self, spec: WorkerSpec, on_report: Callable[[WorkerReport], None], on_exit: Callable[[], None]
     ) -> WorkerProcess:
         worker = WorkerProcess(self._workers, spec, on_report, on_exit)
-        worker.start()
+        await worker.start()
         self.metrics.worker_started()
         return worker
 
@@ -559,12 +573,28 @@ class Lab:
             await asyncio.sleep(PROBE_EVERY_S)
             for participant, session in tuple(self._live.items()):
                 try:
-                    session.check_worker()
                     if session.connected:
                         session.probe()
                 except Exception as error:  # the others are looked after all the same
                     self.cannot_show(participant, error)
             await self.let_go(DESERTED_S)
+
+    async def _look_after_sessions(self) -> None:
+        """Workers that hang, what went wrong in sessions, and the process that workers come from."""
+        tending: asyncio.Future[None] | None = None
+        while True:
+            due_s = time.monotonic() + LOOK_AFTER_EVERY_S
+            await asyncio.sleep(LOOK_AFTER_EVERY_S)
+            has_slept = time.monotonic() - due_s > NOT_LISTENING_S
+            for participant, session in tuple(self._live.items()):
+                try:
+                    if has_slept:
+                        session.excuse_worker()
+                    session.look_after()
+                except Exception as error:  # the others are looked after all the same
+                    self.cannot_show(participant, error)
+            if tending is None or tending.done():
+                tending = asyncio.ensure_future(asyncio.to_thread(tend_fork_server))
 
     async def let_go(self, deserted_s: float) -> None:
         """Close the sessions nobody has been connected to for so long, and with them their workers."""

@@ -13,6 +13,7 @@ from app.wire import (
     Notice,
     Page,
     Panel,
+    Saves,
     Status,
     StimulusWords,
     Superseded,
@@ -105,6 +106,11 @@ class Connections:
         if status is not None:
             self._tell("participant", status)
             self._tell("panel", status)
+
+    def show_saves(self, saves: Saves) -> None:
+        """Whether the lab can save, to both pages."""
+        self._tell("participant", saves)
+        self._tell("panel", saves)
 
     def show_world(self, world: World | None) -> None:
         """What the scene shows in numbers, if the page asked for it."""

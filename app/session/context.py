@@ -15,19 +15,23 @@ from app.session.interfaces import Enrolment, LabServices, Vitals
 from app.session.private_text import Private
 from app.session.round_trips import RoundTrips
 from app.session.running_trial import RunningTrial
+from app.session.saving import Saving
 from app.session.spectators import Spectators
 from app.session.worker_link import WorkerLink
 from app.trial.looks import looks_of
 from app.trial.values import CycleStart, cycle_to_json
-from app.wire import Page, Status
+from app.wire import Page, Saves, Status
 from study.flow.distractors.state import DistractorState
 from study.flow.eligibility import PINGS, Check, checks_of
 from study.flow.page import PageContext
 from study.flow.protocol import Session
+from study.language.words import phrase
 from study.records import AlertRow, EventRow, utc_text
 from study.store import Batch, Cycle, Identity, Submission
 
 Source = Literal["participant", "experimenter", "lab", "robot"]
+UNSAVED = phrase("The lab cannot save at the moment. Nothing is lost. Please wait: it goes on by itself.")
+LONG = phrase("The lab has not been able to save for a while. Nothing is lost. Please tell the experimenter.")
 
 
 @dataclass
@@ -36,7 +40,8 @@ class SessionContext:
 
     `noticed` is what was measured during a trial and not written yet: it goes to disk with the next tick.
     `lacking` is what the last check of the device found wanting. `last_seq` numbers the last input taken. `panel_link`
-    is the second device's link, once one was made.
+    is the second device's link, once one was made. `view` is the camera that was chosen. `is_shown`: the pages show
+    where the session is.
     """
 
     enrolment: Enrolment
@@ -49,9 +54,12 @@ class SessionContext:
     running: RunningTrial
     history: History
     round_trips: RoundTrips
+    saving: Saving
     lacking: tuple[Check, ...] = ()
     last_seq: int = 0
     panel_link: str | None = None
+    view: str | None = None
+    is_shown: bool = True
     noticed: list[EventRow] = field(default_factory=list)
 
     # ---- the record ---------------------------------------------------------------------------------------------
@@ -112,13 +120,13 @@ class SessionContext:
 
     # ---- the practice or trial under way ---------------------------------------------------------------------------
 
-    async def forget_running_trial(self) -> None:
-        """End the worker and forget the practice or trial it ran: its alerts, its ticks, what was noticed."""
+    def forget_running_trial(self) -> None:
+        """Forget the practice or trial under way: its alerts, its ticks, what was noticed, the camera."""
         self.running = RunningTrial(DistractorState(self.services.distractor))
         self.noticed.clear()
         self.vitals.frees = 0
         self.history.forget_ticks()
-        await self.link.stop()
+        self.view = None
 
     @property
     def has_scene(self) -> bool:
@@ -175,9 +183,24 @@ class SessionContext:
             return Status(status="recovering" if self.link.restarts else "starting")
         if not self.session.is_ticking:
             return Status(status="ready")
+        if not self.saving.works:
+            return Status(status="held", reason=self.unsaved().text)
         return Status(status="held" if self.link.held else "running")
+
+    def unsaved(self) -> Saves:
+        """Whether what happens can be saved, in words for the participant."""
+        words = self.services.study.words
+        if self.saving.works:
+            return Saves(works=True)
+        return Saves(works=False, text=words.t(LONG if self.saving.is_long else UNSAVED))
+
+    def may_tick(self) -> bool:
+        """Whether ticks are to run now. In lockstep each waits for its input, which waits for the tick before."""
+        saves = self.saving.works or self.enrolment.pace == "lockstep"
+        return self.session.is_ticking and saves
 
     def show_all(self) -> None:
         """The page and the status, to everybody it concerns."""
         self.connections.show_page(self.page(), self.session)
         self.connections.show_status(self.status())
+        self.is_shown = True

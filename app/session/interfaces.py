@@ -12,6 +12,7 @@ from app.monitoring.metrics import Metrics
 from app.trial.labels import Labels
 from app.wire import Message
 from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.process import VitalSigns
 from study.definition.study import SessionPlan, Study
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import DistractorState
@@ -52,6 +53,9 @@ class WorkerHandle(Protocol):
 
     def kill(self) -> None:
         """End it at once; its exit is reported."""
+
+    def vital_signs(self) -> VitalSigns | None:
+        """What the machine says of its process; None where it says nothing."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +129,8 @@ class LabServices:
     """The study's second task."""
     config: LabConfig
     labels: Labels
-    start_worker: Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], WorkerHandle]
-    """(spec, on report, on exit) -> a started worker."""
+    start_worker: Callable[[WorkerSpec, Callable[[WorkerReport], None], Callable[[], None]], Awaitable[WorkerHandle]]
+    """(spec, on report, on exit) -> a started worker. Raises when this machine cannot start one now."""
     make_spec: Callable[[WorkerKind, int], Awaitable[WorkerSpec | None]]
     """(kind, trial) -> a worker's spec, with the log of the current cycle."""
     trial_row: Callable[[int], TrialRow]

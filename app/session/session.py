@@ -15,6 +15,7 @@ which takes the newest (see `app.worker.input_latch`).
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,7 @@ from app.session.interfaces import Client, Enrolment, LabServices, Resumed, Vita
 from app.session.private_text import apart
 from app.session.round_trips import RoundTrips
 from app.session.running_trial import RunningTrial
+from app.session.saving import Saving
 from app.session.spectators import Spectators
 from app.session.submissions import Submissions
 from app.session.transitions import Transitions
@@ -39,7 +41,7 @@ from app.trial.values import TrialSetup, TrialView
 from app.wire import Heartbeat, Input, Message, Pong
 from app.worker.messages import ControlsState, WorkerReport
 from study.flow.protocol import Event, Session
-from study.store import Batch
+from study.store import Batch, Trouble
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +53,7 @@ MAX_SEQ_STEP = 1_000_000
 class _Work:
     """One thing in the queue, with somebody waiting for it, perhaps."""
 
-    kind: Literal["attach", "detach", "message", "report", "exit", "command", "remark", "ping"]
+    kind: Literal["restore", "settle", "attach", "detach", "message", "report", "exit", "command", "remark", "ping"]
     payload: Any = None
     client: Client | None = None
     dealt: Callable[[], None] | None = field(default=None, repr=False)
@@ -81,21 +83,29 @@ class LiveSession:
             running=RunningTrial.resumed(resumed.distractor, resumed.tick, resumed.freed_by),
             history=History(resumed.events),
             round_trips=RoundTrips(services.now_unix_s),
+            saving=Saving(services.store, services.config.unsaved_pause_s, self._on_saving),
             last_seq=resumed.last_seq,
         )
         self._transitions = Transitions(self._context)
         self._submissions = Submissions(self._context, self._transitions)
         self._task: asyncio.Task[None] | None = None
+        self._promised: set[asyncio.Future[None]] = set()
+        self._settling = False
         self._left_s = services.now_unix_s()
         self._panel_name = ""
 
     # ---- what the lab and the server call -----------------------------------------------------------------------
 
     async def open(self) -> None:
-        """Bring back what a restart of the lab interrupted, and start dealing with the queue."""
-        await self._context.note_clock()
-        await self._transitions.restore()
+        """Start dealing with the queue, first with what a restart of the lab interrupted: that is brought back when
+        this returns, unless the lab cannot save now."""
         self._task = asyncio.create_task(self._run(), name=f"session {self.enrolment.participant}")
+        work = _Work("restore")
+        if self._context.saving.refuses:
+            self._queue.put_nowait(work)
+            return
+        with contextlib.suppress(NotNow):
+            await self._done(work)
 
     async def close(self) -> None:
         """Stop the worker and the queue. What is stored stays."""
@@ -104,12 +114,16 @@ class LiveSession:
             await asyncio.gather(self._task, return_exceptions=True)
         while not self._queue.empty():
             _closed(self._queue.get_nowait())
+        self._context.saving.close()
         self._context.spectators.end()
-        await self._context.forget_running_trial()
+        self._context.forget_running_trial()
+        await self._link.stop()
         self._connections.end()
 
     def attach(self, client: Client) -> None:
         """A page connected and said hello."""
+        if not self._context.saving.works:  # it would not hear before the disk does
+            client.deliver(self._context.unsaved())
         self._queue.put_nowait(_Work("attach", client=client))
 
     def detach(self, client: Client) -> None:
@@ -136,13 +150,20 @@ class LiveSession:
         """Ask the page for a sign of life, to measure the round trip."""
         self._queue.put_nowait(_Work("ping"))
 
-    def check_worker(self) -> None:
-        """End a worker that hangs; another takes over from the log."""
-        hangs = self._link.part_that_hangs()
+    def look_after(self) -> None:
+        """End a worker that hangs, and make up for what went wrong. To be called a few times a second."""
+        hangs = self._link.end_if_hung(self.enrolment.pace == "lockstep")
         if hangs is not None:
             self._queue.put_nowait(_Work("report", (self._link.epoch, hangs)))
-        elif self._context.session.is_ticking and self._link.ready and self.enrolment.pace == "real_time":
-            self._link.end_if_hung()
+        if not self._transitions.is_settled:
+            self._settle_soon()
+        if self._task is not None and self._task.done() and not self._task.cancelled():
+            log.error("a session's queue had ended", extra=about(participant=self.enrolment.participant))
+            self._task = asyncio.create_task(self._run(), name=f"session {self.enrolment.participant}")
+
+    def excuse_worker(self) -> None:
+        """The lab itself did not listen for a while: no worker hangs for that."""
+        self._link.excuse()
 
     def expect(self) -> None:
         """Somebody is about to connect."""
@@ -200,6 +221,16 @@ class LiveSession:
         return self._context.history.signals_per_s(self._services.now_unix_s())
 
     @property
+    def unsaved(self) -> Trouble | None:
+        """Why nothing of it can be saved now."""
+        return self._context.saving.trouble
+
+    @property
+    def problem(self) -> str:
+        """What keeps its worker from running, while it is being seen to; "" when nothing does."""
+        return self._link.problem if self._link.restarts and not self._link.ready else ""
+
+    @property
     def held(self) -> bool:
         """Whether the robot waits for the page's heartbeat."""
         return self._link.held
@@ -252,10 +283,36 @@ class LiveSession:
     # ---- the queue ----------------------------------------------------------------------------------------------
 
     async def _done(self, work: _Work) -> None:
-        """Queue a piece of work and wait until it has been dealt with."""
+        """Queue a piece of work and wait until it has been dealt with. Raises `NotNow` when that is not in sight."""
+        refuses = self._context.saving.refuses
+        if refuses:
+            raise NotNow(refuses)
         work.done = asyncio.get_running_loop().create_future()
+        self._promised.add(work.done)
         self._queue.put_nowait(work)
-        await work.done
+        try:
+            await work.done
+        finally:
+            self._promised.discard(work.done)
+
+    def _on_saving(self) -> None:
+        """The lab cannot save, or can again: the robot holds, everybody is told, at once and past the queue."""
+        context = self._context
+        self._link.ticks(context.may_tick())
+        context.connections.show_saves(context.unsaved())
+        context.connections.show_status(context.status())
+        refuses = context.saving.refuses
+        for promised in self._promised if refuses else ():
+            if not promised.done():
+                promised.set_exception(NotNow(f"{refuses} What you asked for is done when it can."))
+        self._services.changed(self.enrolment.participant)
+        self._settle_soon()
+
+    def _settle_soon(self) -> None:
+        """At most one piece of work of this kind waits."""
+        if not self._settling:
+            self._settling = True
+            self._queue.put_nowait(_Work("settle"))
 
     def _on_worker_report(self, epoch: int, report: WorkerReport) -> None:
         self._queue.put_nowait(_Work("report", (epoch, report)))
@@ -265,6 +322,8 @@ class LiveSession:
 
     async def _run(self) -> None:
         handlers: Mapping[str, Callable[[_Work], Any]] = {
+            "restore": lambda work: self._transitions.restore(),
+            "settle": self._on_settle,
             "attach": self._on_attach,
             "detach": self._on_detach,
             "message": self._on_message,
@@ -278,7 +337,9 @@ class LiveSession:
             work = await self._queue.get()
             try:
                 await self._context.note_clock()
+                await self._transitions.after_trouble()
                 await handlers[work.kind](work)
+                await self._transitions.settle()
                 if work.done is not None and not work.done.done():
                     work.done.set_result(None)
             except asyncio.CancelledError:
@@ -298,13 +359,18 @@ class LiveSession:
             return
         fields = about(participant=self.enrolment.participant, work=work.kind)
         log.error("a piece of a session's work failed", exc_info=error, extra=fields)
+        if work.kind == "attach" and work.client is not None:
+            work.client.end()  # it comes back; otherwise it would wait for its page
         if work.client is not None:
             text = "the lab could not deal with this; nothing was lost, please try again"
             refuse(work.client, "internal", None, text, getattr(work.payload, "id", None))
         if work.kind == "report":
-            self._transitions.report_failed(work.payload[0])
+            self._transitions.report_failed(work.payload[0], f"{type(error).__name__}: {error}")
 
     # ---- connections --------------------------------------------------------------------------------------------
+
+    async def _on_settle(self, work: _Work) -> None:
+        self._settling = False
 
     async def _on_attach(self, work: _Work) -> None:
         client, context = _present(work.client), self._context
@@ -315,6 +381,7 @@ class LiveSession:
         if self._services.study.distractor.placement == "second_device" and context.panel_link is None:
             context.panel_link = await self._services.panel_link()
         self._connections.welcome(client, context.last_seq)
+        client.deliver(context.unsaved())
         client.deliver(context.page() if client.role == "participant" else panel_page(context.session))
         if client.role == "panel" and client.name != self._panel_name:
             self._panel_name, context.vitals.panel_heard = client.name, None  # another device
@@ -361,8 +428,6 @@ class LiveSession:
 
     def _on_hands(self, client: Client, message: Input | Heartbeat) -> None:
         context = self._context
-        if self._connections.holds(client):
-            self._link.page_heard()
         if client.role != "participant":
             refuse(client, "illegal", "type", "the second device does not drive the robot")
         elif not self._connections.holds(client):

@@ -16,7 +16,6 @@ from app.session.private_text import apart
 from app.session.transitions import Transitions
 from app.trial.reasoning import PartFault
 from app.wire import Message, Note, Submit, View
-from app.worker.messages import SetView
 from study.flow.distractors.interface import MAX_ANSWER_CHARACTERS
 from study.flow.notes import read_note
 from study.flow.page import Refused, StepContext, parse
@@ -67,13 +66,14 @@ class Submissions:
         if message.name not in dict(pages.VIEWS):
             refuse(client, "invalid", "name", f"no view {message.name!r}; there are {list(dict(pages.VIEWS))}")
             return
-        self._context.link.send(SetView(message.name))
+        self._context.view = message.name
+        self._context.link.view(message.name)  # at once: nothing is acknowledged by it
         event = self._context.event("view", "participant", {"name": message.name})
         await self._context.commit(Batch(events=(event,)))
 
     async def _on_submit(self, client: Client, message: Submit) -> None:
         context, participant = self._context, self._context.enrolment.participant
-        answered = await context.services.store.run(lambda store: store.response(participant, message.id))
+        answered = await context.services.store.keep(lambda store: store.response(participant, message.id))
         if answered is not None:
             _answer_again(client, message.id, answered)
             return

@@ -5,21 +5,19 @@ Everything is on disk before it is shown, and shown before the next thing is dea
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
+from app.monitoring.log_lines import about
 from app.session import pages
 from app.session.context import SessionContext
 from app.session.interfaces import Freer
 from app.trial.reasoning import PartFault
 from app.trial.values import CycleStart, EngineEvent, cycle_from_json
 from app.worker.messages import (
-    Asking,
-    Begin,
     Failed,
-    Free,
-    Hold,
     HoldChanged,
     PartFailed,
     Ready,
@@ -28,10 +26,12 @@ from app.worker.messages import (
     WorkerReport,
 )
 from study.flow.distractors.state import of_practice, stimuli_of
-from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, PauseTicks, ResumeTicks, StartWorker, StopWorker
+from study.flow.protocol import PAUSED, BeginTicks, Effect, Event, StartWorker, StopWorker, WorkerKind
 from study.flow.quality import judged
 from study.records import EventRow, StudyError, TrialRow, utc_text
-from study.store import Batch
+from study.store import WHAT_TO_DO, Batch
+
+log = logging.getLogger(__name__)
 
 
 class Transitions:
@@ -50,7 +50,7 @@ class Transitions:
         if context.session != before:
             event = context.event("lab_restarted", "lab", {"state": before.state})
             await context.commit(Batch(session=context.session, events=(event,)))
-        await self._carry_out(effects)
+        self._carry_out(effects)
 
     async def advance(
         self,
@@ -88,16 +88,14 @@ class Transitions:
             batch = replace(batch, cycles=context.cycle_rows(again, practice=True))
         await context.commit(replace(batch, session=after))
         context.session = after
-        on_disk()
-        await self._carry_out(effects)
+        context.is_shown = context.is_shown and after == before
+        self._carry_out(effects)
         if again is not None:
             context.running.numbered_on(again.first_tick)
-        if after.worker and after.state != "paused" and not context.link.is_up:
-            # Another try, after the experimenter let a session go on whose worker had ended too often.
-            context.link.restarts = 0
-            await context.link.start(*after.worker)
-        if after != before:
-            context.show_all()
+        if before.state == PAUSED != after.state and not context.link.is_up:
+            context.link.anew()  # another try, also where workers had ended too often
+        on_disk()
+        await self.settle()
 
     async def free(self, by: Freer, batch: Batch, on_disk: Callable[[], None] = lambda: None) -> None:
         """Have the next tick free the arm, and commit that it was asked for. While no ticks run it waits for one, and
@@ -108,16 +106,14 @@ class Transitions:
             await context.commit(replace(batch, events=(*batch.events, event)))
         else:
             await context.commit(batch)
-            if running.freed_by is None:
-                running.freed_by = by
-                context.link.send(Free())  # a worker that is not up yet is told when it is
+            running.freed_by = running.freed_by or by
         on_disk()
 
     async def _practice_again(self) -> CycleStart:
         """Practice goes on after its last tick with another cycle, as it does when the block was not moved: what was
         recorded keeps its numbers, and a worker that is replaced re-runs this cycle alone."""
         participant, trial = self._context.enrolment.participant, self._context.session.trial
-        last, rows = await self._context.services.store.run(
+        last, rows = await self._context.services.store.keep(
             lambda store: (
                 store.last_cycle(participant, trial, practice=True),
                 store.rows_of("practice_ticks", participant, trial=trial),
@@ -126,33 +122,98 @@ class Transitions:
         start = cycle_from_json(last.start) if last else CycleStart()
         return start.repeated(start.cycle + 1, rows[-1].tick + 1 if rows else 0)
 
-    async def _carry_out(self, effects: tuple[Effect, ...]) -> None:
-        link = self._context.link
+    def _carry_out(self, effects: tuple[Effect, ...]) -> None:
+        """What effects change here. What they change elsewhere `settle` makes so, from where the session is then."""
+        context = self._context
         for effect in effects:
-            if isinstance(effect, StartWorker):
-                if effect.kind == "practice":
-                    services = self._context.services
-                    self._context.running.distractor = of_practice(services.distractor, services.study)
-                await link.start(effect.kind, effect.trial)
-            elif isinstance(effect, StopWorker):
-                await self._context.forget_running_trial()
-            elif isinstance(effect, PauseTicks):
-                link.held = False
-                link.send(Hold())
-            elif isinstance(effect, (BeginTicks, ResumeTicks)):
-                link.send(Begin())  # one that is not up yet begins when it is
+            if isinstance(effect, StopWorker):
+                context.forget_running_trial()
+            elif isinstance(effect, StartWorker) and effect.kind == "practice":
+                context.running.distractor = of_practice(context.services.distractor, context.services.study)
+
+    # ---- what should be, and is made so -------------------------------------------------------------------------
+
+    async def settle(self) -> None:
+        """Make it so: the worker that the session needs, what that worker is to do, what the pages show.
+
+        Called after every piece of work, and again and again (`is_settled`): whatever went wrong on the way is made up
+        for, or the session is paused and says why.
+        """
+        context, link = self._context, self._context.link
+        if link.runs is not None and link.runs != context.session.worker:
+            await self._stop_worker()
+        if context.session.worker and link.may_start:
+            await self._start_worker(context.session.worker)
+        link.free(context.running.freed_by is not None)
+        link.ticks(context.may_tick())
+        link.view(context.view)
+        if not context.is_shown:
+            context.show_all()
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether `settle` would find nothing to do."""
+        context, link = self._context, self._context.link
+        runs_another = link.runs is not None and link.runs != context.session.worker
+        return context.is_shown and not runs_another and not (context.session.worker and link.may_start)
+
+    async def _stop_worker(self) -> None:
+        try:
+            await self._context.link.stop()
+        except Exception:  # it is not this session's any more, whatever becomes of it
+            fields = about(participant=self._context.enrolment.participant)
+            log.exception("a worker could not be stopped", extra=fields)
+
+    async def _start_worker(self, needed: tuple[WorkerKind, int]) -> None:
+        context, link = self._context, self._context.link
+        try:
+            await link.start(*needed)
+        except Exception as error:
+            log.exception("a worker could not be started", extra=about(participant=context.enrolment.participant))
+            link.could_not_start(f"cannot be started: {type(error).__name__}: {error}")
+            event = context.event("worker_failed", "lab", {"reason": link.problem})
+            if link.restarts > context.services.config.worker_restarts:
+                await self._give_up(event)
+            else:
+                await context.commit(Batch(events=(event,)))
+                context.connections.show_status(context.status())
+
+    async def _give_up(self, event: EventRow) -> None:
+        """The worker has ended too often: whoever lets the session go on gets another one."""
+        context, link = self._context, self._context.link
+        link.wanted = False
+        reason = "the robot's process keeps ending" + (f": {link.problem}" if link.problem else "")
+        if context.session.is_over or "experimenter" in context.session.causes:
+            await context.commit(Batch(events=(event,)))
+        else:
+            await self.advance(Event("experimenter_pause", reason), Batch(events=(event,)))
+
+    async def after_trouble(self) -> None:
+        """The disk does again: the record says for how long it did not, and pauses what that interrupted for long."""
+        context, saving = self._context, self._context.saving
+        over = saving.over
+        if over is None or saving.trouble is not None:
+            return
+        trouble, lasted_s = over
+        was_long, lasts = saving.is_long, f"{lasted_s:.0f} s"
+        event = context.event("not_saved", "lab", {"why": trouble.kind, "for_s": round(lasted_s, 3)})
+        if was_long and context.session.is_ticking:
+            reason = f"the lab could not save for {lasts}. {WHAT_TO_DO[trouble.kind]}"
+            await self.advance(Event("part_failed", reason), Batch(events=(event,)))
+        else:
+            await context.commit(Batch(events=(event,)))
+        saving.recorded(over)
+        context.connections.show_saves(context.unsaved())
+        context.connections.show_status(context.status())
 
     # ---- what the worker reports --------------------------------------------------------------------------------
 
     async def on_report(self, epoch: int, report: WorkerReport) -> None:
         """The worker said something."""
         context, link = self._context, self._context.link
-        link.reported()
         if epoch != link.epoch or (isinstance(report, Ticked) and not link.ready):
             return  # of a worker that has been stopped, or is being replaced
-        if isinstance(report, Asking):
-            link.asking = report if report.part else None
-        elif isinstance(report, Ready):
+        if isinstance(report, Ready):
             await self._on_ready(report)
         elif isinstance(report, Ticked):
             before = context.running.copy()
@@ -182,11 +243,8 @@ class Transitions:
     async def distractor_failed(self, fault: PartFault) -> None:
         """The distractor cannot be used: the session pauses. A tick that is not on disk did not happen, so that another
         worker takes over from the record."""
-        context = self._context
         await self._part_failed(fault.part, fault.reason)
-        await context.link.stop()
-        if context.session.worker:
-            await context.link.start(*context.session.worker)
+        await self._stop_worker()
 
     async def _part_failed(self, part: str, reason: str) -> None:
         """A part of the study cannot be used: the session pauses, and says why."""
@@ -194,42 +252,35 @@ class Transitions:
         event = context.event("part_failed", "robot", {"part": part, "reason": reason})
         await self.advance(Event("part_failed", f"{part} {reason}"), Batch(events=(event,)))
 
-    def report_failed(self, epoch: int) -> None:
+    def report_failed(self, epoch: int, problem: str) -> None:
         """A report could not be dealt with. A tick that is not on disk did not happen: the worker is ended and the
         next one starts from the record."""
         if epoch == self._context.link.epoch:
-            self._context.link.kill()
+            self._context.link.kill(problem)
 
     async def on_exit(self, epoch: int) -> None:
         """The worker's process ended by itself: another one takes over, a few times."""
         context, link = self._context, self._context.link
         if epoch != link.epoch or not link.is_up:
             return
-        if link.asking is not None:  # it ended the process it runs in
-            link.faulted = True
-            await self._part_failed(link.asking.part, "ended the process that it runs in")
-        if link.faulted:
-            await self._after_fault()
+        was_ready, asking = link.ready, link.asking
+        link.lost()  # before all else: whatever comes in between, the session knows that it has no worker
+        if asking is not None or link.faulted:
+            # Its arbiter ended it. Another worker stands by for whoever lets the session go on, unless the record
+            # itself cannot be re-run: then the next one is started by them.
+            link.restarts, link.asking = 0, None
+            link.wanted = False
+            if asking is not None:
+                await self._part_failed(asking.part, "ended the process that it runs in")
+            link.wanted = was_ready or context.session.state != PAUSED  # or somebody has said so meanwhile
             return
-        link.lost()
-        event = context.event("worker_lost", "lab", {"restarts": link.restarts})
-        needed = context.session.worker
-        if needed is None or link.restarts > context.services.config.worker_restarts:
-            await self.advance(Event("experimenter_pause", "the robot's process keeps ending"), Batch(events=(event,)))
+        data = {"restarts": link.restarts} | ({"why": link.problem} if link.problem else {})
+        event = context.event("worker_lost", "lab", data)
+        if link.restarts > context.services.config.worker_restarts:
+            await self._give_up(event)
             return
         await context.commit(Batch(events=(event,)))
         context.connections.show_status(context.status())
-        await link.start(*needed)
-
-    async def _after_fault(self) -> None:
-        """The worker ended because of its arbiter, and said so. Another one stands by for whoever lets the session go
-        on, unless the record itself cannot be re-run: then the next one is started by them."""
-        link, session = self._context.link, self._context.session
-        is_wanted = link.ready or session.state != PAUSED  # or somebody has said so meanwhile
-        link.lost()
-        link.restarts = 0
-        if is_wanted and session.worker:
-            await link.start(*session.worker)
 
     async def _on_ready(self, report: Ready) -> None:
         context, link = self._context, self._context.link
@@ -243,10 +294,8 @@ class Transitions:
         if report.finished:
             await self._running_trial_done(Batch())
             return
-        if context.running.freed_by is not None:
-            link.send(Free())
-        if context.session.is_ticking:
-            link.send(Begin())
+        link.free(context.running.freed_by is not None)
+        link.ticks(context.may_tick())
         context.connections.show_page(context.page(), context.session)
         context.connections.show_world(context.running.world)
         context.connections.show_status(context.status())
@@ -319,7 +368,7 @@ class Transitions:
         """The row of the trial that ends now, judged by the study's rules."""
         context, running = self._context, self._context.running
         participant, trial = context.enrolment.participant, context.session.trial
-        found, stored = await context.services.store.run(
+        found, stored = await context.services.store.keep(
             lambda store: (
                 store.rows_of("trials", participant, trial=trial),
                 store.rows_of("events", participant, trial=trial),

@@ -1,7 +1,8 @@
 """What the experimenter sees while it happens, and says about it: one WebSocket, a few routes. Decides nothing.
 
     dashboard ── {"type": "hello", "token": …} ──► (nothing is sent before)
-              ◄── {"type": "overview", "sessions": […], "gone": […]}     all of them, then those that changed
+              ◄── {"type": "overview", "sessions": […], "gone": […], "trouble": {…} | null}
+                  all of them, then those that changed; `trouble`: the lab cannot save
               ── {"type": "watch", "participant": "P001" | null} ──►
               ◄── {"type": "watched", …, "ticks": […], "events": […], "since_start": true}   the last minute, then more
 
@@ -38,8 +39,8 @@ from app.web.sessions_api import Known, SessionReply, in_order_of_enrolment, ses
 from study.flow.page import Text
 from study.flow.protocol import Session
 from study.flow.recorded import data_of, kind_of
-from study.records import EventRow
-from study.store import StoredSession, UnreadableSession
+from study.records import EventRow, utc_text
+from study.store import WHAT_TO_DO, StoredSession, Trouble, UnreadableSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
@@ -80,6 +81,28 @@ class LiveReply(SessionReply):
     """The current task as a sentence; null without one."""
     scene: str
     """Why there is no 3-D view of this session now; "" when there is one."""
+
+
+class TroubleReply(BaseModel):
+    """That the lab cannot save: nothing is acknowledged, robots stand still, and it tries again by itself."""
+
+    kind: str
+    """full, locked, read_only, io, corrupt, gone or slow."""
+    text: str
+    """What is wrong and what helps."""
+    since_utc: str
+    """Since when, in UTC."""
+    rescue: str | None
+    """The folder that everything recorded was copied to, when the data folder is gone; null otherwise."""
+
+
+def trouble_reply(trouble: Trouble | None) -> TroubleReply | None:
+    """What the dashboard shows of the store's trouble."""
+    if trouble is None:
+        return None
+    rescue = str(trouble.rescue) if trouble.rescue else None
+    text, since_utc = WHAT_TO_DO[trouble.kind], utc_text(trouble.since_unix_s)
+    return TroubleReply(kind=trouble.kind, text=text, since_utc=since_utc, rescue=rescue)
 
 
 class _Said(BaseModel):
@@ -186,6 +209,7 @@ class Stream:
         self._sent: dict[str, str] = {}
         self._changed: set[str] = set()
         self._wake = asyncio.Event()
+        self._trouble: TroubleReply | None = None
         self._watched: str | None = None
         self._watched_live: LiveSession | None = None
         self._fresh = False
@@ -194,7 +218,9 @@ class Stream:
 
     async def run(self) -> None:
         """Send and receive until the dashboard leaves."""
-        with self._lab.watching(self._note):
+        unlisten = self._lab.store.listen(lambda trouble: self._wake.set())
+        with self._lab.watching(self._note), contextlib.ExitStack() as until_the_end:
+            until_the_end.callback(unlisten)
             tasks = (asyncio.create_task(self._send_all()), asyncio.create_task(self._receive_all()))
             try:
                 await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -264,8 +290,11 @@ class Stream:
         gone = [participant for participant in self._sent if participant not in self._known]
         for participant in gone:
             del self._sent[participant]
-        if lines or gone or is_sign_of_life:
-            await self._send({"type": "overview", "sessions": lines, "gone": gone})
+        trouble = trouble_reply(self._lab.store.trouble)
+        if lines or gone or is_sign_of_life or trouble != self._trouble:
+            self._trouble = trouble
+            told = trouble.model_dump() if trouble else None
+            await self._send({"type": "overview", "sessions": lines, "gone": gone, "trouble": told})
 
     async def _send_unshown(self, error: Exception) -> None:
         """That the open session cannot be shown, in place of its news."""

@@ -319,10 +319,13 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
         token = websocket.cookies.get(COOKIES[role]) or ""
         fits = bool(token) and await lab.place(token) == (public_id, role)
         is_ours = fits and sockets.same_origin(websocket, lab.config.public_url)
-        holder = await lab.admit(token) if is_ours else None
         try:
+            holder = await lab.admit(token) if is_ours else None
             if holder is not None:
                 return await lab.session(holder[0])
+        except StoreTroubled:  # who has no record yet comes in when one can be made
+            await websocket.close(1013)
+            return None
         except NoSuchParticipant:  # erased in this moment
             pass
         except StudyUnreadable as error:
@@ -374,7 +377,7 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
                 await sockets.refuse(websocket, "this page has sent too much; it is let in again after a while")
                 return
             agent = websocket.headers.get("user-agent", "")[:300]
-            await lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
+            lab.note_identity(session.enrolment.participant, f"user_agent_{role}", agent)
             await websocket.accept()
             bounds = sockets.Bounds(lab.config.limits, meter, lab.refusals)
             await sockets.serve(websocket, session, role, lab.client_message, bounds, lab.metrics.refused)

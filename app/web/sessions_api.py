@@ -23,7 +23,7 @@ from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.export.export import export_zip
 from study.flow.page import Text
 from study.flow.roster import EnrolmentKind
-from study.store import StoredSession, UnreadableSession
+from study.store import WHAT_TO_DO, StoredSession, UnreadableSession
 
 MAX_INVITATIONS = 200
 
@@ -106,6 +106,10 @@ class SessionReply(BaseModel):
     """Whether it is not there though the second task of a practice or trial, next or under way, appears on it."""
     held: bool
     """Whether the robot waits for the page's heartbeat."""
+    not_saving: str
+    """Why nothing of it can be saved now, and what helps; "" when it can. The lab tries again by itself."""
+    robot_problem: str
+    """Why its robot is not there, while the lab tries again; "" when it is."""
     help_wanted: bool
     """Whether the participant has called and nobody has answered."""
     done_tasks: int | None
@@ -230,6 +234,8 @@ def unreadable_reply(known: Known, label: str | None, reason: str) -> SessionRep
         panel_connected=False,
         panel_missing=False,
         held=False,
+        not_saving="",
+        robot_problem="",
         help_wanted=False,
         done_tasks=None,
         tasks=None,
@@ -268,6 +274,8 @@ def _session_reply(lab: Lab, stored: StoredSession, label: str | None) -> Sessio
         panel_connected=live.panel_connected if live else False,
         panel_missing=now.lacks_panel,
         held=live.held if live else False,
+        not_saving=WHAT_TO_DO[live.unsaved.kind] if live and live.unsaved else "",
+        robot_problem=live.problem if live else "",
         help_wanted=live is not None and live.vitals.help is not None,
         done_tasks=view.done_tasks if view else None,
         tasks=view.tasks if view else None,

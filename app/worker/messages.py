@@ -108,6 +108,11 @@ class WorldInNumbers:
 
 
 @dataclass(frozen=True)
+class Alive:
+    """A sign of life of a worker that has nothing else to say: it does not hang."""
+
+
+@dataclass(frozen=True)
 class Ready:
     """The world stands and the log is re-run. `mismatch` is the first re-run tick whose digest differed, if any."""
 
@@ -178,4 +183,4 @@ class Failed:
     reason: str
 
 
-WorkerReport = Ready | Ticked | HoldChanged | SpectatorPort | Asking | PartFailed | Failed
+WorkerReport = Alive | Ready | Ticked | HoldChanged | SpectatorPort | Asking | PartFailed | Failed

@@ -2,7 +2,8 @@
 
 Workers come from a fork server (a process without threads), with the heavy imports made once, so a new worker is
 ready in a fraction of a second and a crash in native code ends that worker alone. A worker that hangs holds up nobody
-else: commands go out on a thread of their own, and the session ends a worker that no longer answers.
+else: it is started and told on other threads, and the session ends one that no longer answers. A fork server that died
+is replaced before anybody needs it, one that hangs when it was asked for a worker in vain; its workers go on.
 """
 
 from __future__ import annotations
@@ -10,13 +11,18 @@ from __future__ import annotations
 import asyncio
 import logging
 import multiprocessing
+import multiprocessing.forkserver
 import os
+import signal
 import threading
+import time
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, cast
 
 from app.errors import LabError
@@ -30,6 +36,11 @@ log = logging.getLogger(__name__)
 
 STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
+KILLED_WITHIN_S = 1.0
+"""The end of a killed worker is believed by then, though its connection (which it may have given on) did not close."""
+START_WITHIN_S = 5.0
+"""A fork server that has given no worker by then hangs, unless it is still making its imports."""
+IMPORTS_WITHIN_S = 20.0
 
 
 def worker_context(robot: str) -> ForkServerContext:
@@ -59,6 +70,53 @@ def warm_up(context: ForkServerContext, robot: str) -> None:
     process.join()
     if problem is not None:
         raise LabError(problem)
+
+
+@dataclass(frozen=True)
+class VitalSigns:
+    """Of a process: whether it was stopped from outside, and how much processor time it has had, in seconds."""
+
+    stopped: bool
+    cpu_s: float
+
+
+class ForkServerHangs(LabError):
+    """The process that workers come from gave none; it has been ended, and the next one comes from another."""
+
+
+_fork_server_since_s: dict[int, float] = {}
+"""Process ids of the fork server and when it was first seen, on the monotonic clock; at most one."""
+
+
+def tend_fork_server() -> None:
+    """Start another fork server when the present one died: then its imports are made before a worker is needed."""
+    multiprocessing.forkserver.ensure_running()
+    _fork_server_age_s()
+
+
+def _fork_server_pid() -> int | None:
+    server = multiprocessing.forkserver._forkserver  # the module has no other way to name its process
+    pid: int | None = getattr(server, "_forkserver_pid", None)
+    return pid
+
+
+def _fork_server_age_s() -> float:
+    """How long ago the present fork server was first seen, in seconds."""
+    pid = _fork_server_pid()
+    if pid is None:
+        return 0.0
+    if pid not in _fork_server_since_s:
+        _fork_server_since_s.clear()
+        _fork_server_since_s[pid] = time.monotonic()
+    return time.monotonic() - _fork_server_since_s[pid]
+
+
+def _end_fork_server() -> None:
+    pid = _fork_server_pid()
+    if pid is not None:
+        log.error("the process that workers come from hangs and is ended")
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def _try_robot(robot: str, connection: Connection) -> None:
@@ -155,10 +213,24 @@ class WorkerProcess:
         """Process id, None before `start`."""
         return self._process.pid
 
-    def start(self) -> None:
-        """Start the process and listen to it."""
-        self._process.start()
-        self._theirs.close()
+    async def start(self) -> None:
+        """Start the process and listen to it. Raises `ForkServerHangs`, or what the machine says."""
+        starting = asyncio.ensure_future(asyncio.to_thread(self._process.start))
+        try:
+            done, _ = await asyncio.wait({starting}, timeout=START_WITHIN_S)
+            if not done and _fork_server_age_s() < IMPORTS_WITHIN_S:
+                done, _ = await asyncio.wait({starting}, timeout=IMPORTS_WITHIN_S)
+            if not done:
+                await asyncio.to_thread(_end_fork_server)  # which ends the waiting too
+                with suppress(Exception):
+                    await starting
+                raise ForkServerHangs("the process that workers come from hung and was ended")
+            await starting
+        except BaseException:
+            self._connection.close()  # a worker that came too late has nobody to serve, and ends
+            raise
+        finally:
+            self._theirs.close()
         self._outgoing.start()
         self._loop.add_reader(self._connection.fileno(), self._read)
 
@@ -173,23 +245,42 @@ class WorkerProcess:
         try:
             await asyncio.wait_for(self._exited.wait(), STOP_WITHIN_S)
         except asyncio.TimeoutError:
-            self._process.kill()
+            self.kill()
             await self._exited.wait()
-        await asyncio.to_thread(self._process.join)
+        await asyncio.to_thread(self._process.join, KILLED_WITHIN_S)
 
     def kill(self) -> None:
-        """End the process at once."""
-        if self._process.is_alive():
-            self._process.kill()
+        """End the process at once, whatever became of the fork server it is of."""
+        if self._exited.is_set() or self.pid is None:
+            return
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+        self._loop.call_later(KILLED_WITHIN_S, self._ended)
+
+    def vital_signs(self) -> VitalSigns | None:
+        """From the kernel's table of processes; None on machines that have it elsewhere."""
+        try:
+            fields = (
+                Path(f"/proc/{self.pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+            )
+            return VitalSigns(fields[0] in "Tt", (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"))
+        except (OSError, ValueError, IndexError):
+            return None
 
     def _read(self) -> None:
         try:
             while self._connection.poll():
                 report: Any = self._connection.recv()
                 self._on_report(report)
-        except (EOFError, ConnectionResetError, OSError):
-            self._loop.remove_reader(self._connection.fileno())
-            self._outgoing.put(None)
-            self._connection.close()
-            self._exited.set()
-            self._on_exit()
+        except (EOFError, OSError):
+            self._ended()
+
+    def _ended(self) -> None:
+        """Nothing more will come of it."""
+        if self._exited.is_set():
+            return
+        self._loop.remove_reader(self._connection.fileno())
+        self._outgoing.put(None)
+        self._connection.close()
+        self._exited.set()
+        self._on_exit()

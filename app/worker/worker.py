@@ -1,7 +1,7 @@
 """One session's process: robot, arbiter and scene, and the loop that runs them.
 
     commands ──► Worker ──► reports
-    Begin, Hold, ControlsState, Free, SetView, Spectate, Stop; Ready, Ticked, HoldChanged, SpectatorPort, Asking,
+    Begin, Hold, ControlsState, Free, SetView, Spectate, Stop; Alive, Ready, Ticked, HoldChanged, SpectatorPort, Asking,
     PartFailed, Failed
 
 Real time: tick k starts at its absolute deadline; its 15 slices are spread over the half second, the scene is drawn
@@ -19,6 +19,7 @@ from the log.
 from __future__ import annotations
 
 import logging
+import math
 import signal
 import time
 from contextlib import ExitStack, suppress
@@ -34,6 +35,7 @@ from app.trial.values import TickResult, UserInput
 from app.trial.verdicts import release_points
 from app.worker.input_latch import InputLatch
 from app.worker.messages import (
+    Alive,
     Asking,
     Begin,
     ControlsState,
@@ -64,6 +66,8 @@ log = logging.getLogger(__name__)
 
 IDLE_WAIT_S = 0.25
 """How often a worker that runs no ticks looks whether the lab is still there."""
+ALIVE_EVERY_S = 0.5
+"""How often a worker that has nothing to tell says that it lives."""
 
 
 def run(connection: Connection, spec: WorkerSpec) -> None:
@@ -73,6 +77,7 @@ def run(connection: Connection, spec: WorkerSpec) -> None:
         open_parts.callback(connection.close)
         try:
             robot = make_robot(spec.robot)
+            connection.send(Alive())
             open_parts.callback(robot.close)
             scene = make_scene(spec.view) if spec.scene else None
             spectator_view = None
@@ -127,17 +132,21 @@ class Worker:
         self._free = False
         self._stopping = False
         self._tick_ends_s = 0.0
+        self._said_s = -math.inf
 
     def serve(self) -> None:
         """Build the world, re-run the log, then obey until told to stop or the lab is gone."""
         self._engine.open()
+        self._live()
         mismatch = self._rerun()
+        self._live()
         port = self._scene.open() if self._scene else None
         self._draw()
         self._connection.send(
             Ready(port, self._engine.view(), self._world_in_numbers(), self._engine.finished, mismatch)
         )
         while not self._stopping:
+            self._live()
             if self._spec.pace == "lockstep" or not self._running or self._engine.finished:
                 if self._connection.poll(IDLE_WAIT_S):
                     self._obey(self._connection.recv())
@@ -151,10 +160,18 @@ class Worker:
             if self._engine.finished:  # it went another way this time
                 return self._engine.next_tick if mismatch is None else mismatch
             result = self._engine.tick(user_input)
+            self._live()
             if result.row.digest != digest and mismatch is None:
                 mismatch = result.row.tick
         self._resumed = self._engine.next_tick > 0
         return mismatch
+
+    def _live(self) -> None:
+        """Say that it lives, every half a second."""
+        now_s = time.monotonic()
+        if now_s - self._said_s >= ALIVE_EVERY_S:
+            self._said_s = now_s
+            self._connection.send(Alive())
 
     # ---- commands -----------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 import { freshId, h, icon, setText, whileBusy } from "./dom.js";
 import { t, tn } from "./language.js";
+import { unsavedNotice } from "./unsaved.js";
 import { wordsProblem } from "./words_limit.js";
 
 /** @import { Child, IconName } from "./dom.js" */
@@ -176,7 +177,7 @@ export function ask({
 /**
  * The lab as the surroundings of a page see it: whether it is there, and what it is called.
  *
- * @typedef {Emitter<{ state: ConnectionState, welcome: { study_title: string, demo: boolean } }> & { state: ConnectionState }} Lab
+ * @typedef {Emitter<{ state: ConnectionState, welcome: { study_title: string, demo: boolean }, saves: { works: boolean, text?: string | null } }> & { state: ConnectionState }} Lab
  */
 
 /** Header with title, connection, Help and Stop. */
@@ -213,7 +214,8 @@ export class Shell {
       h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), this.title, this.demo),
       h("span", { class: "top-actions" }, this.connection, this.help, this.stop),
     );
-    this.element = h("div", { class: "app" }, this.header, this.toasts.element, this.main);
+    const notices = h("div", { class: "messages" }, unsavedNotice(socket), this.toasts.element);
+    this.element = h("div", { class: "app" }, this.header, notices, this.main);
     socket.addEventListener("state", () => this._connection());
     socket.addEventListener("welcome", (event) => {
       setText(this.title, event.detail.study_title);

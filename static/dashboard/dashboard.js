@@ -13,6 +13,7 @@ import { Results } from "./results.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
 import { Rows } from "./sessions_table.js";
+import { TroubleNotice } from "./trouble.js";
 
 /** @import { InvitationReply, InviteRequest } from "../../tests/javascript/api.d.ts" */
 /** @import { Session } from "./api.js" */
@@ -137,7 +138,9 @@ const onAct = async (/** @type {string} */ participant, /** @type {Command} */ c
   poll();
 };
 const rows = new Rows({ toasts, onAct });
+const trouble = new TroubleNotice();
 const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
+live.feed.addEventListener("trouble", (event) => trouble.show(event.detail));
 
 /**
  * @param {Session[]} sessions
@@ -375,7 +378,7 @@ document.body.append(
       ),
       h("span", { class: "top-actions" }, signed, leave),
     ),
-    h("div", { class: "messages" }, calls.element, toasts.element),
+    h("div", { class: "messages" }, trouble.element, calls.element, toasts.element),
     main,
   ),
 );

@@ -1,11 +1,12 @@
 // The experimenter's socket: every session as it changes, and everything about the one that is open on the page.
 //
-// Events: "sessions" (all of them, in order of enrolment) and "watched" (news of the open one).
+// Events: "sessions" (all of them, in order of enrolment), "watched" (news of the open one), and "trouble" (the lab cannot
+// save, or null).
 
 import { Emitter } from "../common/emitter.js";
 import { socketUrl } from "../common/root.js";
 
-/** @import { LiveReply, TickExplanation } from "../../tests/javascript/api.d.ts" */
+/** @import { LiveReply, TickExplanation, TroubleReply } from "../../tests/javascript/api.d.ts" */
 /** @import { SessionEvent } from "./api.js" */
 /**
  * News of the watched session; `since_start`: they take the place of what was told before.
@@ -18,7 +19,7 @@ import { socketUrl } from "../common/root.js";
  * @property {SessionEvent[]} events
  * @property {string} [problem] why there are none: they cannot be shown
  */
-/** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[] }} Overview */
+/** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[], trouble: TroubleReply | null }} Overview */
 
 const FIRST_RETRY_MS = 500;
 const LAST_RETRY_MS = 8000;
@@ -26,7 +27,7 @@ const REFUSED = 1008;
 const GONE = 1006;
 const SILENT_MS = 30_000; // the lab gives a sign of life every ten seconds
 
-/** @extends {Emitter<{ sessions: LiveReply[], watched: Watched }>} */
+/** @extends {Emitter<{ sessions: LiveReply[], watched: Watched, trouble: TroubleReply | null }>} */
 export class LiveFeed extends Emitter {
   constructor() {
     super();
@@ -112,6 +113,7 @@ export class LiveFeed extends Emitter {
       const first = !this.fed;
       this.fed = true;
       if (first && this.watched) this._sayWatch();
+      this.emit("trouble", message.trouble);
       this.emit("sessions", [...this.sessions.values()]);
     } else if (message.type === "watched" && message.participant === this.watched) this.emit("watched", message);
   }

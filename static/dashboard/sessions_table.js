@@ -46,7 +46,7 @@ const LEVELS = {
 const CAUSES = {
   connection: "connection lost",
   experimenter: "by the experimenter",
-  fault: "the arbiter failed",
+  fault: "something of the lab failed",
   picture: "no picture of the robot on their screen",
 };
 const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
@@ -75,6 +75,7 @@ export function stateWords(state) {
 function connectionOf(session) {
   if (session.problem) return ["warning", "–", ""];
   if (OVER.has(session.state)) return ["check", "–", ""];
+  if (session.connected && session.not_saving) return ["warning", "Cannot be saved: robot holds", "bad"];
   if (session.connected && session.held) return ["warning", "No heartbeat: robot holds", "bad"];
   if (session.connected && session.picture === false) return ["warning", "Their browser shows no robot", "bad"];
   if (session.connected && session.panel_missing) return ["warning", "Their second device is not connected", "bad"];
@@ -96,6 +97,8 @@ function remarks(session) {
         session.causes.includes("fault") && session.pause_reason ? ` (${session.pause_reason})` : ""
       }`,
     );
+  if (session.not_saving) list.push(session.not_saving);
+  if (session.robot_problem) list.push(`robot: ${session.robot_problem}`);
   if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
   if (session.frees > 0) list.push(`arm freed ${session.frees === 1 ? "once" : `${session.frees} times`}`);
   if (session.connected && session.visible === false) list.push("page hidden");

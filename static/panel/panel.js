@@ -7,6 +7,7 @@ import { t } from "../common/language.js";
 import { refusalText } from "../common/problem.js";
 import { sessionOfPage, socketUrl } from "../common/root.js";
 import { card, Toasts } from "../common/shell.js";
+import { unsavedNotice } from "../common/unsaved.js";
 import { AlertView } from "../readings/alert.js";
 import { Sound } from "../readings/sound.js";
 import { wordsFor } from "../readings/words.js";
@@ -216,7 +217,7 @@ document.body.append(
       h("span", { class: "brand" }, h("span", { class: "brand-mark", "aria-hidden": "true" }), device),
       connection,
     ),
-    toasts.element,
+    h("div", { class: "messages" }, unsavedNotice(socket), toasts.element),
     main,
   ),
 );

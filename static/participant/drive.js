@@ -142,6 +142,7 @@ export class DriveView {
       socket.on("status", (event) => this._onStatus(event.detail)),
       socket.on("instruction", (event) => this.instruction.show(event.detail)),
       socket.on("state", () => this._refresh()),
+      socket.on("saves", () => this._refresh()),
       input.on("device", (event) => this._device(event.detail)),
       input.keyboard.on("unknown", () => this.notice.say(UNKNOWN_KEY)),
       input.keyboard.labels.on("labels", () => this._drawLegend()),
@@ -320,6 +321,7 @@ export class DriveView {
   _state() {
     if (this.socket.state !== "open") return "lost";
     if (this.page?.state === "paused" || this.status === "paused") return "paused";
+    if (!this.socket.saves) return "unsaved";
     if (this.status === "held" || this.status === "recovering" || this.status === "starting") return this.status;
     if (!this._ticking()) return this._startsWithout() ?? "ready";
     if (this.tick && this.tick.status !== "running") return this.tick.status;

@@ -5,12 +5,13 @@ import { t } from "../common/language.js";
 
 /** @import { Tick } from "../../tests/javascript/wire.d.ts" */
 /** @import { IconName } from "../common/dom.js" */
-/** @typedef {"lost" | "paused" | "held" | "starting" | "recovering" | "unseen" | "alone" | "ready" | Tick["status"]} Sign */
+/** @typedef {"lost" | "paused" | "unsaved" | "held" | "starting" | "recovering" | "unseen" | "alone" | "ready" | Tick["status"]} Sign */
 
 /** @type {Record<Sign, [sign: IconName, text: string, hint: string]>} */
 const SIGNS = {
   lost: ["lost", t("Connection lost"), t("The robot stands still until the connection is back.")],
   paused: ["pause", t("Paused"), t("Nothing moves and no time passes.")],
+  unsaved: ["hourglass", t("On hold"), t("The lab cannot save at the moment. The robot stands still.")],
   held: ["hand", t("On hold"), t("The lab has not heard from this page for a moment. The robot stands still.")],
   starting: ["hourglass", t("Getting ready"), t("The robot is being put in place. A few seconds.")],
   recovering: ["hourglass", t("Recovering"), t("The robot is being brought back to where it was. A few seconds.")],

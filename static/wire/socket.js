@@ -35,6 +35,7 @@ export class LabSocket extends Emitter {
     this.welcome = null;
     /** @type {wire.Panel | null} */
     this.panel = null; // the second device, as last told
+    this.saves = true; // whether the lab can, as last told
     /** @type {WebSocket | null} */
     this._socket = null;
     /** @type {Map<string, { resolve: (ack: wire.Ack) => void, reject: (refused: Error) => void }>} */
@@ -162,6 +163,9 @@ export class LabSocket extends Emitter {
         break;
       case "panel":
         this.panel = message;
+        break;
+      case "saves":
+        this.saves = message.works;
         break;
       case "error":
         return this._refused(message);

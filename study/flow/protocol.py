@@ -174,7 +174,8 @@ ENDS_ANYWHERE: Mapping[EventName, Ending] = {
 ANYWHERE: tuple[EventName, ...] = ("connection_lost", "picture_lost", "experimenter_pause", *ENDS_ANYWHERE)
 """Allowed in every state that is not terminal. A lost connection, or a lost picture of the robot, pauses what ticks and
 changes nothing elsewhere.
-`part_failed`, of an arbiter or an inference that cannot be used, pauses wherever there is a robot."""
+`part_failed`, of an arbiter or an inference that cannot be used, or of a disk that did not do, pauses wherever there is
+a robot."""
 
 
 def to_json(session: Session) -> str:

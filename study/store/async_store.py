@@ -11,6 +11,7 @@ and since when, listeners are told at once, and what must be kept is tried again
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 import time
@@ -55,6 +56,7 @@ class AsyncStore:
         store: the store itself, for reading from other threads.
         trouble: why nothing can be written now; None while all is well.
         last_write_s: how long the last try at something that writes took, in seconds.
+        now_s: its clock, which only goes forward.
     """
 
     def __init__(
@@ -66,7 +68,7 @@ class AsyncStore:
         self.store = store
         self.trouble: Trouble | None = None
         self.last_write_s = 0.0
-        self._now_s = now_s
+        self.now_s = now_s
         self._now_unix_s = now_unix_s
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
         self._readers = ThreadPoolExecutor(max_workers=READERS, thread_name_prefix="store reader")
@@ -87,7 +89,7 @@ class AsyncStore:
 
         Raises `StoreTroubled` when the disk has not done for `PATIENCE_S`.
         """
-        return await self._until(work, self._now_s() + PATIENCE_S)
+        return await self._until(work, self.now_s() + PATIENCE_S)
 
     async def keep(self, work: Callable[[Store], Result]) -> Result:
         """As `run`, and not given up while the disk does not do. It holds one write at most: a second one would be
@@ -113,7 +115,12 @@ class AsyncStore:
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Have `listener(trouble)` called whenever the trouble changes; returns what ends that. It must not block."""
         self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
+
+        def unlisten() -> None:
+            with contextlib.suppress(ValueError):  # twice is once
+                self._listeners.remove(listener)
+
+        return unlisten
 
     def watch(self) -> None:
         """Begin to look by itself whether the files are there and can be written. `close` ends it."""
@@ -146,7 +153,7 @@ class AsyncStore:
                 return result
             except StoreTroubled as error:
                 self._troubled(error.kind, str(error))
-                if self._now_s() + pause_s > give_up_s:
+                if self.now_s() + pause_s > give_up_s:
                     raise
             await asyncio.sleep(pause_s)
         raise AssertionError("the pauses have no end")
@@ -156,7 +163,7 @@ class AsyncStore:
         loop = asyncio.get_running_loop()
         self._numbers += 1
         number = self._numbers
-        self._waiting[number] = began_s = self._now_s()
+        self._waiting[number] = began_s = self.now_s()
         timer = loop.call_later(SLOW_AFTER_S, self._is_slow, number)
         try:
             written = await asyncio.shield(loop.run_in_executor(self._thread, self._do, work))
@@ -164,7 +171,7 @@ class AsyncStore:
             timer.cancel()
             del self._waiting[number]
         if written.wrote:
-            self.last_write_s = self._now_s() - began_s
+            self.last_write_s = self.now_s() - began_s
         elif self.trouble is not None and self.trouble.kind == "slow" and not self._overdue():
             self._well()
         return written
@@ -186,14 +193,14 @@ class AsyncStore:
             return
         if not self.store.in_place:
             raise StoreTroubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
-        self._wrote_s = self._now_s()
+        self._wrote_s = self.now_s()
         if self.trouble is not None and not self._overdue():
             self._well()
 
     # ---- its condition ------------------------------------------------------------------------------------------
 
     def _overdue(self) -> bool:
-        return any(self._now_s() - since_s >= SLOW_AFTER_S for since_s in self._waiting.values())
+        return any(self.now_s() - since_s >= SLOW_AFTER_S for since_s in self._waiting.values())
 
     def _is_slow(self, number: int) -> None:
         if number in self._waiting and self.trouble is None:
@@ -203,7 +210,7 @@ class AsyncStore:
         before = self.trouble
         if before is None:
             log.error("the lab cannot save: %s %s", WHAT_TO_DO[kind], text)
-            self._tell(Trouble(kind, text, self._now_s(), self._now_unix_s()))
+            self._tell(Trouble(kind, text, self.now_s(), self._now_unix_s()))
         elif before.kind != kind or before.text != text:
             if before.kind != kind:
                 log.error("the lab still cannot save: %s %s", WHAT_TO_DO[kind], text)
@@ -214,7 +221,7 @@ class AsyncStore:
     def _well(self) -> None:
         trouble = self.trouble
         assert trouble is not None
-        log.warning("the lab saves again, after %.1f s", self._now_s() - trouble.since_s)
+        log.warning("the lab saves again, after %.1f s", self.now_s() - trouble.since_s)
         if trouble.rescue is not None:
             log.warning("the data folder is back; the rescue copy %s is not needed any more", trouble.rescue)
         self._rescue_tried_s = -math.inf
@@ -231,10 +238,10 @@ class AsyncStore:
 
     async def _look(self) -> None:
         """Look whether the files are there and can be written while nobody has anything to write."""
-        tried_s = self._now_s()
+        tried_s = self.now_s()
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
-            now_s = self._now_s()
+            now_s = self.now_s()
             if not self.store.in_place:
                 self._troubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
             elif self._kept or self._waiting:
@@ -255,9 +262,9 @@ class AsyncStore:
         trouble = self.trouble
         if trouble is None or (self._rescuing is not None and not self._rescuing.done()):
             return
-        is_due = trouble.rescue is None and self._now_s() - self._rescue_tried_s >= RESCUE_EVERY_S
+        is_due = trouble.rescue is None and self.now_s() - self._rescue_tried_s >= RESCUE_EVERY_S
         if is_due or (trouble.rescue is not None and self._kept.keys() - self._rescued):
-            self._rescue_tried_s = self._now_s()
+            self._rescue_tried_s = self.now_s()
             self._rescuing = asyncio.create_task(self._rescue(trouble.rescue), name="store rescue")
 
     async def _rescue(self, folder: Path | None) -> None:

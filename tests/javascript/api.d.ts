@@ -49,6 +49,8 @@ export interface SessionReply {
   panel_connected: boolean;
   panel_missing: boolean;
   held: boolean;
+  not_saving: string;
+  robot_problem: string;
   help_wanted: boolean;
   done_tasks: number | null;
   tasks: number | null;
@@ -87,6 +89,8 @@ export interface LiveReply {
   panel_connected: boolean;
   panel_missing: boolean;
   held: boolean;
+  not_saving: string;
+  robot_problem: string;
   help_wanted: boolean;
   done_tasks: number | null;
   tasks: number | null;
@@ -217,6 +221,14 @@ export interface LinkReply {
   participant: string;
   link: string;
   panel_link: string;
+}
+
+/** That the lab cannot save: nothing is acknowledged, robots stand still, and it tries again by itself. */
+export interface TroubleReply {
+  kind: string;
+  text: string;
+  since_utc: string;
+  rescue: string | null;
 }
 
 /** Anything else that happened, in order. */

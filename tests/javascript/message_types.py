@@ -101,6 +101,7 @@ API_SENT: Mapping[str, Any] = {
     "RosterReply": roster_api.RosterReply,
     "EraseReply": roster_api.EraseReply,
     "LinkReply": roster_api.LinkReply,
+    "TroubleReply": live_api.TroubleReply,
     "EventRow": records.EventRow,
     "SummaryReply": results_api.SummaryReply,
     "QualityReply": results_api.QualityReply,

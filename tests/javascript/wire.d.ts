@@ -195,7 +195,20 @@ export interface Ping {
   left: number | null;
 }
 
-/** The robot is not running ticks, or runs again. `held` = this page's heartbeat is missing. */
+/**
+ * Whether the lab can save, whenever that changes. While it cannot, nothing is acknowledged and the robot stands
+ * still; what was sent is dealt with when it can.
+ */
+export interface Saves {
+  type: "saves";
+  works: boolean;
+  text: string | null;
+}
+
+/**
+ * The robot is not running ticks, or runs again. `held` = this page's heartbeat is missing, or the lab cannot save
+ * (see `saves`).
+ */
 export interface Status {
   type: "status";
   status: "starting" | "ready" | "running" | "paused" | "held" | "recovering";
@@ -267,6 +280,7 @@ export type ServerMessage =
   | Tick
   | World
   | Status
+  | Saves
   | Alert
   | AlertClosed
   | Panel

@@ -10,9 +10,8 @@ import select
 import signal
 import threading
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -20,16 +19,14 @@ import pytest
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.session.commands import Command, NotNow
-from app.session.interfaces import Role
-from app.session.session import LiveSession
 from app.simulated.bot import Bot, BotError, enter, open_wire
-from app.wire import Input, Message, Page, Status, Submit, Tick, WireDirection
+from app.wire import Input, Page, Status, Tick, WireDirection
 from study.records import TickRow, unix_s
 from study.store import Batch, Store
 from tests.support.dashboard_client import dashboard
 from tests.support.lab_server import LabServer
+from tests.support.local_lab import ENDS_WITHIN_S, RIGHT, LocalPage, in_first_trial, lab_in_here
 from tests.support.wire_client import (
-    COMPREHENSION,
     Player,
     command,
     events,
@@ -43,9 +40,7 @@ from tests.support.wire_client import (
 
 pytestmark = pytest.mark.slow
 
-RIGHT: WireDirection = (0, -1, 0)
 LEFT: WireDirection = (0, 1, 0)
-ENDS_WITHIN_S = 20.0
 
 
 @pytest.fixture
@@ -277,59 +272,6 @@ async def test_a_study_interrupted_again_and_again_is_complete_in_the_end(launch
 # --- the disk ----------------------------------------------------------------------------------------------------
 
 
-class LocalPage:
-    """A page without a socket, in the lab's own process."""
-
-    role: Role = "participant"
-    name = "here"
-    telemetry = False
-
-    def __init__(self, session: LiveSession) -> None:
-        self._session = session
-        self._arrived: asyncio.Queue[Message] = asyncio.Queue()
-        session.attach(self)
-
-    def deliver(self, message: Message) -> None:
-        self._arrived.put_nowait(message)
-
-    def end(self) -> None:
-        """Nothing to close."""
-
-    async def until(self, kind: type[Any], **equal: object) -> Any:
-        while True:
-            message = await asyncio.wait_for(self._arrived.get(), ENDS_WITHIN_S)
-            if isinstance(message, kind) and all(getattr(message, name) == value for name, value in equal.items()):
-                return message
-
-    async def submit(self, step: str, **data: Any) -> None:
-        self._session.receive(self, Submit.model_validate({"id": step, "step": step, "data": data}))
-
-    async def tick(self, seq: int) -> Tick:
-        self._session.receive(self, Input(seq=seq, client_ms=0.0, direction=RIGHT))
-        ticked: Tick = await self.until(Tick)
-        return ticked
-
-
-@contextlib.asynccontextmanager
-async def lab_in_here(folder: Path, wall_unix_s: Callable[[], float] = time.time) -> AsyncIterator[Lab]:
-    lab = Lab(
-        LabConfig(
-            data_dir=folder / "data",
-            study_file=write_study(folder),
-            robot="kinematic",
-            pace="lockstep",
-            scene=False,
-        ),
-        now_unix_s=wall_unix_s,
-    )
-    lab.prepare()
-    await lab.open()
-    try:
-        yield lab
-    finally:
-        await lab.close()
-
-
 async def test_who_waits_for_a_session_that_is_closed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with lab_in_here(tmp_path) as lab:
         participant = (await lab.invite()).participant
@@ -350,22 +292,6 @@ async def test_who_waits_for_a_session_that_is_closed_is_told(tmp_path: Path, mo
         written.set()
         for answer in await asyncio.wait_for(asyncio.gather(*waiting, return_exceptions=True), ENDS_WITHIN_S):
             assert isinstance(answer, NotNow)
-
-
-async def in_first_trial(session: LiveSession) -> LocalPage:
-    """A page that has gone as far as the first trial, which runs."""
-    page = LocalPage(session)
-    consent = await page.until(Page, state="consent")
-    await page.submit("consent", accepted=True, hash=consent.content["hash"])
-    shown = await page.until(Page, state="demographics")
-    options = {item["id"]: item["options"][0]["id"] for item in shown.content["items"] if item["required"]}
-    await page.submit("demographics", answers=options)
-    await page.submit("setup", device="keyboard", sound=True)
-    await page.submit("instructions", answers=COMPREHENSION)
-    await page.until(Status, status="ready")
-    await page.submit("start")
-    await page.until(Status, status="running")
-    return page
 
 
 async def test_a_tick_that_could_not_be_stored_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,10 +22,12 @@ class Dashboard:
     def __init__(self, wire: ClientConnection) -> None:
         self.wire = wire
         self.lines: dict[str, Line] = {}
+        self.lab: Line = {}
 
     async def next(self) -> Line:
         message: Line = json.loads(await asyncio.wait_for(self.wire.recv(), MESSAGE_WITHIN_S))
         if message["type"] == "overview":
+            self.lab = {"trouble": message["trouble"]}
             self.lines |= {line["participant"]: line for line in message["sessions"]}
         return message
 

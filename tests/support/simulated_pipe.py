@@ -11,7 +11,7 @@ import pytest
 
 from app.autonomy.actions import Direction
 from app.trial.engine import TrialEngine
-from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
+from app.worker.messages import Alive, ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from app.worker.spectator_view import OnDemandView
 from app.worker.worker import Worker
 from sim.interface import Robot
@@ -83,13 +83,14 @@ def simulate(
     pipe: SimulatedPipe | None = None,
     spectator_view: OnDemandView | None = None,
 ) -> list[Sent]:
-    """Everything a worker reports while these commands arrive; the last one must end it."""
+    """Everything a worker reports while these commands arrive; the last one must end it. Signs of life, which say
+    nothing else, stand in `pipe.sent` only."""
     assert any(isinstance(command, Stop) for _, command in schedule)
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
     monkeypatch.setattr("app.worker.worker.time", pipe)
     engine = TrialEngine(spec.setup, robot, spec.start)
     Worker(cast(Connection, pipe), spec, engine, scene, spectator_view).serve()
-    return pipe.sent
+    return [entry for entry in pipe.sent if not isinstance(entry.report, Alive)]
 
 
 def of(sent: Sequence[Sent], kind: type[ReportType]) -> list[ReportType]:

@@ -5,6 +5,7 @@ Real time is simulated (`tests.support.simulated_pipe`), so that every moment is
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -15,6 +16,7 @@ import pytest
 from app.config import Pace
 from app.trial.values import CycleStart, TickResult, UserInput, inputs_of
 from app.worker.messages import (
+    Alive,
     Begin,
     ControlsState,
     Failed,
@@ -462,8 +464,19 @@ def run_in_place(monkeypatch: pytest.MonkeyPatch, pipe: Pipe, robot: StagedRobot
 def test_a_worker_whose_lab_is_gone_ends_and_lets_go_of_its_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe, robot = Pipe([(0.0, Begin()), (1.0, ControlsState(1, None))]), StagedRobot()
     run_in_place(monkeypatch, pipe, robot)
-    assert [type(entry.report) for entry in pipe.sent] == [Ready, Ticked]
+    assert [type(entry.report) for entry in pipe.sent if not isinstance(entry.report, Alive)] == [Ready, Ticked]
     assert robot.closed and pipe.closed
+
+
+@pytest.mark.parametrize("pace", ["real_time", "lockstep"])
+def test_it_says_that_it_lives_whatever_it_waits_for(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> None:
+    """Before Start, while it ticks, without its page, and held: the lab never waits long for a sign."""
+    schedule = [*beats(0.0, 6.0), (4.0, Begin()), (12.0, Hold()), (16.0, Stop())]
+    pipe = SimulatedPipe([*schedule, STAYS_OPEN])
+    simulate(monkeypatch, spec(pace), KinematicRobot(), schedule, pipe=pipe)
+    signs_s = [entry.at_s for entry in pipe.sent]
+    assert signs_s[0] == 0.0 and signs_s[-1] > 15.0
+    assert max(after - before for before, after in itertools.pairwise(signs_s)) < 1.0
 
 
 def test_a_robot_that_breaks_is_reported_and_let_go_of(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -502,6 +515,7 @@ def test_a_real_process_ticks_in_real_time_and_ends_with_its_lab() -> None:
             ours.send(ControlsState(1, FORWARD, beat=True))
             while ours.poll(TICK_S / 10):
                 reports.append(ours.recv())
+        reports = [report for report in reports if not isinstance(report, Alive)]
     finally:
         ours.close()
         process.join(timeout=60)
