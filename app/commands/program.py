@@ -12,7 +12,18 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from app.commands import backup, data, integrity, participant_texts, replay, replication, serve, simulated, study_file
+from app.commands import (
+    backup,
+    data,
+    integrity,
+    participant_texts,
+    recruitment,
+    replay,
+    replication,
+    serve,
+    simulated,
+    study_file,
+)
 from app.commands.console import shown
 from app.commands.groups import GroupedHelp
 
@@ -37,7 +48,10 @@ def program() -> TyperGroup:
         options_metavar="[--version]",
     )
     salab.callback(epilog="`salab COMMAND --help` has the options of a command, and an example.")(_options)
-    for room in (serve, study_file, participant_texts, data, backup, integrity, replay, simulated, replication):
+    for room in (
+        *(serve, recruitment, study_file, participant_texts),
+        *(data, backup, integrity, replay, simulated, replication),
+    ):
         salab.add_typer(room.commands)
     command = get_command(salab)
     assert isinstance(command, TyperGroup)

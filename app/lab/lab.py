@@ -8,7 +8,7 @@ import json
 import logging
 import secrets
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from app.config import LabConfig, Pace
 from app.errors import LabError
 from app.lab.gauges import gauges
 from app.lab.health import Health, why_no_room
+from app.lab.lapsing import Lapsing
 from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import new_token, same_token, token_hash
 from app.limits import Refusals
@@ -66,6 +67,8 @@ NOT_LISTENING_S = 0.5
 """A lab that looks so much later than it meant to has not listened: no worker is blamed for that."""
 DESERTED_S = 600.0
 """A session without a page for this long gives its worker back; it comes back with its page."""
+CONNECTS_WITHIN_S = 5.0
+"""Whoever was let in has connected by then."""
 MOST_OF_A_REASON = 300
 """So many characters say why a session cannot be shown."""
 ROLES = ("participant", "panel")
@@ -105,6 +108,7 @@ class Lab:
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
         refusals: how often each bound on what a client may cost was reached.
+        lapsing: looks after the places of those who closed the tab before they agreed to take part.
         metrics: what is counted and measured.
         health: whether the lab does what it is for.
         base_url: what links begin with; the server sets it when it knows its port.
@@ -150,6 +154,7 @@ class Lab:
             (lambda: prepared_scene(self._workers)) if config.scene else None,
         )
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
+        self.lapsing = Lapsing(self)
 
     # ---- life ---------------------------------------------------------------------------------------------------
 
@@ -258,7 +263,10 @@ class Lab:
                 if await self.holder(token) is None:
                     tokens = {"participant": token, "panel": new_token()}
                     await self.invite(kind="demo", tokens=tokens, public_id=self._demo_public_id)
-        return await self.holder(token)
+        found = await self.holder(token)
+        if found is not None and await self.lapsing.give_back(found[0]):
+            return await self.holder(token)
+        return found
 
     # ---- participants -------------------------------------------------------------------------------------------
 
@@ -578,6 +586,24 @@ class Lab:
                 except Exception as error:  # the others are looked after all the same
                     self.cannot_show(participant, error)
             await self.let_go(DESERTED_S)
+            try:
+                await self.lapsing.look()
+            except (StudyError, LabError):
+                log.exception("places could not be looked after")
+
+    @contextlib.asynccontextmanager
+    async def while_away(self, participant: str) -> AsyncIterator[bool]:
+        """Nobody can connect meanwhile, and the session is not live; False, and all stays as it is, where somebody is
+        connected or about to be."""
+        async with self._opening.setdefault(participant, asyncio.Lock()):
+            live = self._live.get(participant)
+            if live is not None and not live.deserted(CONNECTS_WITHIN_S):
+                yield False
+                return
+            if live is not None:
+                del self._live[participant]
+                await live.close()
+            yield True
 
     async def _look_after_sessions(self) -> None:
         """Workers that hang, what went wrong in sessions, and the process that workers come from."""

@@ -9,7 +9,7 @@ from typing import Literal
 
 from app.lab.lab import Lab
 from app.lab.tokens import token_hash
-from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, Answer, answer, read_ids
+from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, LAPSED, Answer, answer, read_ids
 from study.flow.protocol import State
 from study.records import EventRow, utc_text
 from study.store import Batch, Store
@@ -48,7 +48,9 @@ class OpenEnrolment:
         ids, wrong = read_ids(rules, given, self._lab.setup.study.words)
         if wrong:
             return Offer("bad_link", wrong=wrong) if rules.open else Offer("closed")
-        if token and await self._lab.holder(token) is not None:
+        await self._lab.lapsing.sweep()
+        holder = await self._lab.holder(token) if token else None
+        if holder is not None and holder[0].session.state != LAPSED:
             return Offer("back", ids)
         found = await self._found(ids)
         if found is not None and (await self._lab.stored_session(found)).session.state in BEFORE_CONSENT:
@@ -62,6 +64,7 @@ class OpenEnrolment:
         if wrong:
             return Offer("bad_link", wrong=wrong) if rules.open else Offer("closed")
         async with self._turn:
+            await self._lab.lapsing.sweep()
             found = await self._found(ids)
             if found is None:
                 reply = await self._answer(None, is_known=False)
@@ -70,6 +73,8 @@ class OpenEnrolment:
             holder = await self._lab.holder(token) if token else None
             is_known = holder is not None and holder[0].participant == found
             reply = await self._answer(stored.session.state, is_known)
+            if reply == "enrol":  # their place has lapsed, and there is another
+                reply = "back" if await self._lab.lapsing.give_back(stored) else "full"
             if reply != "back":
                 return Offer(reply, ids)
             # Whoever else began under this id must not be there when this person has agreed to take part.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections import Counter
+from typing import Annotated, Literal, get_args
 
 from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import Response
@@ -39,6 +40,7 @@ Show = Literal[
     "withdrawn",
     "aborted",
     "screened_out",
+    "lapsed",
     "unreadable",
 ]
 Reason = Annotated[Text, Field(pattern=r"\S")]
@@ -62,6 +64,9 @@ class GridReply(BaseModel):
     """Whether the next participant gets it."""
     cells: list[CellReply]
     """Its cells that are taken."""
+    counts: dict[str, int]
+    """How many have completed it (`done`), are under way, have not begun (`waiting`), and how many places lapsed; the
+    lapsed ones hold no cell."""
 
 
 class RosterLine(BaseModel):
@@ -259,6 +264,7 @@ async def read_roster(
                 order=list(row.order),
                 next=row.is_next,
                 cells=[CellReply(participant=name, cell=cell) for name, cell in row.cells],
+                counts={**_counted(row), "lapsed": row.lapsed},
             )
             for row in roster.grid(study, everyone)
         ],
@@ -272,6 +278,11 @@ async def read_roster(
         offset=offset,
         lines=lines[offset : offset + limit],
     )
+
+
+def _counted(row: roster.GridRow) -> dict[str, int]:
+    found = Counter(cell for _, cell in row.cells)
+    return {cell: found[cell] for cell in get_args(roster.Cell)}
 
 
 def _mark(participant: ParticipantId, utc: str) -> RosterLine:

@@ -29,6 +29,7 @@ const SHOW = [
   ["withdrawn", "Withdrawn"],
   ["aborted", "Aborted"],
   ["screened_out", "Screened out"],
+  ["lapsed", "Place lapsed"],
   ["unreadable", "Cannot be read"],
   ["erased", "Erased"],
 ];
@@ -40,6 +41,7 @@ const COUNTED = {
   withdrawn: "withdrawn",
   aborted: "aborted",
   screened_out: "screened out",
+  lapsed: "lapsed",
   unreadable: "cannot be read",
   pilot: "pilots",
   demo: "demos",
@@ -52,6 +54,7 @@ const SIGNS = {
   withdrawn: "hand",
   aborted: "warning",
   screened_out: "hand",
+  lapsed: "hourglass",
   unreadable: "warning",
   erased: "hourglass",
 };
@@ -250,7 +253,7 @@ export class Roster {
     }
     setText(
       this.places,
-      `${held} of ${quota} places are taken${held >= quota ? ": whoever comes now is told that the study is full" : ""}. Whoever is rejected, withdrawn, aborted or screened out gives a place back.`,
+      `${held} of ${quota} places are taken${held >= quota ? ": whoever comes now is told that the study is full" : ""}. Whoever is rejected, withdrawn, aborted or screened out gives a place back, and so does whoever stays away before consent, if the study file says after how long.`,
     );
   }
 

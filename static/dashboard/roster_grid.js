@@ -32,6 +32,7 @@ export function gridTable(rows) {
         "td",
         { class: "number" },
         String(row.cells.length),
+        h("small", { class: "ids", data: { testid: "order-counts" } }, balance(row.counts)),
         h("span", { class: "fill", "aria-hidden": "true", style: `--share: ${row.cells.length / most}` }),
       ),
       h("td", {}, chips(row.cells)),
@@ -57,6 +58,19 @@ export function gridTable(rows) {
     ),
     h("tbody", {}, body),
   );
+}
+
+/**
+ * What has become of those who were given an order; those whose place lapsed hold no cell.
+ *
+ * @param {GridReply["counts"]} counts
+ * @returns {string}
+ */
+function balance({ done = 0, under_way = 0, waiting = 0, lapsed = 0 }) {
+  const told = [`${done} complete`, `${under_way} under way`];
+  if (waiting) told.push(`${waiting} not begun`);
+  if (lapsed) told.push(`${lapsed} lapsed`);
+  return told.join(", ");
 }
 
 /**

@@ -29,6 +29,7 @@ const STATES = {
   aborted: "Aborted",
   eligibility: "Device check",
   screened_out: "Screened out",
+  lapsed: "Place lapsed",
   unreadable: "Cannot be shown",
 };
 /** @type {Record<string, [sign: IconName, level: Level]>} */
@@ -40,6 +41,7 @@ const LEVELS = {
   withdrawn: ["hand", "warn"],
   aborted: ["warning", "bad"],
   screened_out: ["hand", "warn"],
+  lapsed: ["hourglass", ""],
   unreadable: ["warning", "bad"],
 };
 /** @type {Record<string, string>} */
@@ -49,7 +51,7 @@ const CAUSES = {
   fault: "something of the lab failed",
   picture: "no picture of the robot on their screen",
 };
-const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out", "lapsed"]);
 const WITHOUT_TRIAL = new Set(["eligibility", "consent", "demographics", "setup", "instructions", "debrief", ...OVER]);
 WITHOUT_TRIAL.add("unreadable");
 const BUTTONS = COMMANDS.filter(({ name }) => ["pause", "resume", "abort"].includes(name)); // the others are on the page of the session

@@ -16,7 +16,7 @@ import { LabSocket } from "../wire/socket.js";
 /** @import { IconName } from "../common/dom.js" */
 /** @import { ConnectionState } from "../common/shell.js" */
 
-const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out", "lapsed"]);
 /** @type {Record<ConnectionState, [sign: IconName, text: string]>} */
 const CONNECTION = {
   connecting: ["lost", t("Connecting")],

@@ -24,7 +24,7 @@ import { DriveView } from "./drive.js";
 /** @type {Map<string, MakesView>} */
 const views = new Map();
 const DRIVING = new Set(["practice_ready", "practice", "trial_ready", "trial"]);
-const OVER = new Set(["done", "withdrawn", "aborted", "screened_out"]);
+const OVER = new Set(["done", "withdrawn", "aborted", "screened_out", "lapsed"]);
 
 onlyFreshKeys();
 const session = sessionOfPage();

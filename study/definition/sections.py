@@ -310,6 +310,9 @@ class Recruitment(Part):
     open: Flag = False
     quota: int = number(default=0, ge=0, le=100_000)
     """At most so many hold a cell, those with a personal link included. An open study has to say."""
+    place_lapses_min: float = number(default=0.0, ge=0.0, le=100_000.0)
+    """Minutes after which the place of somebody who came over the open link lapses when they have no page open and have
+    not agreed to take part. Who comes back later begins anew, if there is a place. 0 = it never does."""
     id_parameters: Annotated[tuple[ParameterName, ...], Field(min_length=1, max_length=10)] = (
         "PROLIFIC_PID",
         "STUDY_ID",

@@ -27,6 +27,8 @@ own link, in mail merges, in a service's preview, and what a script makes of an 
 BEFORE_CONSENT: frozenset[State] = frozenset({"eligibility", "consent"})
 """States in which nothing is known of somebody that could be told to another who has their id."""
 
+LAPSED: State = "lapsed"
+"""The state of somebody whose place has lapsed: to the link they are as unknown as before they came."""
 IDENTITY_PREFIX = "id."
 """What the kinds of these ids begin with in the store, beside the parameter's name."""
 
@@ -101,9 +103,9 @@ def answer(rules: Recruitment, held: int, state: State | None, is_known: bool) -
     """What somebody with an id is told.
 
     `held` counts the participants who hold a cell, `state` is that of the session begun under this id (None = none
-    was), `is_known` says whether this browser is the one that began it.
+    was; whose place has lapsed is as new), `is_known` says whether this browser is the one that began it.
     """
-    if state is not None:
+    if state is not None and state != LAPSED:
         return "back" if is_known or state in BEFORE_CONSENT else "elsewhere"
     if not rules.open:
         return "closed"

@@ -1,7 +1,7 @@
 """What can be said of a participant's way through the study: states, events, the session, and what the lab has to do.
 
 Values only. What leads from where to where follows from the pages (`study.flow.pages`), and `study.flow.flow` does it.
-Four states have a robot (`NEEDS`), four are ends (`TERMINAL`), and `paused` remembers where to go on (`resume_to`) and
+Four states have a robot (`NEEDS`), five are ends (`TERMINAL`), and `paused` remembers where to go on (`resume_to`) and
 why it stands still (`causes`); it ends when no cause is left.
 """
 
@@ -19,12 +19,12 @@ State: TypeAlias = str
 EventName: TypeAlias = str
 """What can happen to a session: a name that pages lead on with, or one of those that are the same everywhere."""
 Cause = Literal["connection", "experimenter", "fault", "picture"]
-Outcome = Literal["done", "declined", "withdrawn", "aborted", "screened_out"]
+Outcome = Literal["done", "declined", "withdrawn", "aborted", "screened_out", "lapsed"]
 WorkerKind = Literal["practice", "trial"]
 
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 PAUSED: State = "paused"
-TERMINAL: frozenset[State] = frozenset({"done", "withdrawn", "aborted", "screened_out"})
+TERMINAL: frozenset[State] = frozenset({"done", "withdrawn", "aborted", "screened_out", "lapsed"})
 FREES_CELL: frozenset[State] = TERMINAL - {"done"}
 """Ends at which the cell of the counterbalancing is given out again."""
 
@@ -42,8 +42,8 @@ class IllegalEvent(StudyError):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. `reason` is kept with `screened_out`, `withdraw`, `abort`, `part_failed`,
-    `picture_lost` and `experimenter_pause`."""
+    """Something that happened. `reason` is kept with `screened_out`, `place_lapsed`, `withdraw`, `abort`,
+    `part_failed`, `picture_lost` and `experimenter_pause`."""
 
     name: EventName
     reason: str | None = None
@@ -166,6 +166,9 @@ class Ending:
     outcome: Outcome
 
 
+LAPSE = Ending("lapsed", "lapsed")
+"""What becomes of somebody who left before they agreed to take part, and did not come back in time. Nothing of a study
+has happened by then: whoever does come back begins anew, if there is a place."""
 ENDS_ANYWHERE: Mapping[EventName, Ending] = {
     "withdraw": Ending("withdrawn", "withdrawn"),
     "abort": Ending("aborted", "aborted"),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from study.definition.study import Study, next_order, orders
-from study.flow.open_link import BEFORE_CONSENT
+from study.flow.open_link import BEFORE_CONSENT, LAPSED
 from study.flow.protocol import FREES_CELL, TERMINAL
 
 EnrolmentKind = Literal["study", "pilot", "demo"]
@@ -49,6 +50,8 @@ class GridRow:
     order: tuple[str, ...]
     cells: tuple[tuple[str, Cell], ...]
     is_next: bool
+    lapsed: int = 0
+    """How many had it whose place has lapsed: they hold none."""
 
 
 def grid(study: Study, everyone: Iterable[Enrolled]) -> tuple[GridRow, ...]:
@@ -57,11 +60,13 @@ def grid(study: Study, everyone: Iterable[Enrolled]) -> tuple[GridRow, ...]:
     Orders of an earlier study file in the same data folder that this study does not have are left out.
     """
     held: dict[tuple[str, ...], list[tuple[str, Cell]]] = {order: [] for order in orders(study)}
+    everyone = tuple(everyone)
+    lapsed = Counter(one.order for one in everyone if one.kind == "study" and one.state == LAPSED)
     for one in everyone:
         if one.holds_cell and one.order in held:
             held[one.order].append((one.participant, one.cell))
     following = next_order(study, {order: len(cells) for order, cells in held.items()})
-    return tuple(GridRow(order, tuple(cells), order == following) for order, cells in held.items())
+    return tuple(GridRow(order, tuple(cells), order == following, lapsed[order]) for order, cells in held.items())
 
 
 def why_not(act: Act, one: Enrolled) -> str:

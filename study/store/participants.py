@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,13 +11,13 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.definition.study import Study, next_order
 from study.flow.flow import Flow, NoSuchPage
-from study.flow.open_link import IDENTITY_PREFIX, ids_among
-from study.flow.protocol import FREES_CELL, to_json
+from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, ids_among
+from study.flow.protocol import FREES_CELL, Session, to_json
 from study.flow.roster import EnrolmentKind
 from study.records import SCHEMA_VERSION, ParticipantRow, StudyError
 from study.store import ledger
 from study.store.rows import add, clean_text, insert, update
-from study.store.tables import IDENTITIES, SESSIONS, STUDIES, TOKENS
+from study.store.tables import IDENTITIES, RECORDS, SESSIONS, STUDIES, TOKENS
 from study.store.values import StoredSession, UnreadableSession
 
 ID_LETTER: Mapping[EnrolmentKind, str] = {"study": "P", "pilot": "T", "demo": "D"}
@@ -107,6 +108,35 @@ def free_cell(connection: sql.Connection, participant: str) -> bool:
     """Give a participant's cell out again; False when somebody else did it first or there is no such participant."""
     query = sql.select(SESSIONS.c.rejected).where(SESSIONS.c.participant == participant)
     return connection.execute(query).scalar() == 0 and update(connection, "sessions", participant, {"rejected": 1})
+
+
+def over_link(connection: sql.Connection, flow: Flow) -> list[tuple[StoredSession, str | None]]:
+    """Who came over the open link and has not agreed to take part, with the time of their last event."""
+    events = RECORDS["events"].c
+    last = sql.select(sql.func.max(events.utc)).where(events.participant == SESSIONS.c.participant).scalar_subquery()
+    has_ids = (
+        sql.select(IDENTITIES.c.id)
+        .where(IDENTITIES.c.participant == SESSIONS.c.participant)
+        .where(IDENTITIES.c.kind.startswith(IDENTITY_PREFIX, autoescape=True))
+        .exists()
+    )
+    here = (SESSIONS.c.kind == "study", SESSIONS.c.rejected == 0, SESSIONS.c.state.in_(BEFORE_CONSENT), has_ids)
+    query = sql.select(SESSIONS, last.label("last_utc")).where(*here).order_by(SESSIONS.c.number)
+    found = []
+    for row in connection.execute(query):
+        with contextlib.suppress(StudyError, TypeError, ValueError, AttributeError):
+            found.append((_stored(row, flow), row.last_utc))
+    return found
+
+
+def begin_anew(connection: sql.Connection, stored: StoredSession, study: Study, flow: Flow) -> Session:
+    """Put somebody whose place has lapsed at the beginning again, under the least-filled order."""
+    order = next_order(study, _taken(connection))
+    session = flow.new_session(stored.participant, len(order), flow.skips(study))
+    told = {"condition_order": ORDER_SEPARATOR.join(order), "state": session.state}
+    update(connection, "sessions", stored.participant, {**told, "session": to_json(session)})
+    update(connection, "participants", stored.participant, told)
+    return session
 
 
 def stored_sessions(

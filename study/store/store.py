@@ -6,12 +6,15 @@ Every method that writes is one transaction and is on disk when it returns. A `S
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 from study.definition.study import Study, plan_session
 from study.flow.flow import FLOW, Flow
+from study.flow.open_link import BEFORE_CONSENT, LAPSED
+from study.flow.protocol import Event
 from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
 from study.store import erasure, migration, participants, progress, rows
@@ -196,6 +199,35 @@ class Store:
             if not participants.free_cell(connection, participant):
                 return False
             rows.add(connection, "events", [event])
+            return True
+
+    def waiting_over_link(self) -> tuple[tuple[StoredSession, str | None], ...]:
+        """Who came over the open link and has not agreed to take part, with the time of the last event about them."""
+        with self._database.read() as connection:
+            return tuple(participants.over_link(connection, self.flow))
+
+    def lapse(self, participant: str, reason: str, utc: str) -> bool:
+        """Give the place of somebody out again who has not agreed to take part; False when they have."""
+        with self._database.write() as connection:
+            (stored,), _ = participants.stored_sessions(connection, self.flow, participant=participant)
+            if stored.session.state not in BEFORE_CONSENT:
+                return False
+            after, _ = self.flow.advance(stored.session, Event("place_lapsed", reason), stored.session.since_s)
+            progress.save_session(connection, after, None, None)
+            data = {"event": "place_lapsed", "from": stored.session.state, "to": after.state, "reason": reason}
+            rows.add(connection, "events", [EventRow(participant, None, None, utc, "state", "lab", json.dumps(data))])
+            return True
+
+    def take_place_again(self, participant: str, study: Study, quota: int, utc: str) -> bool:
+        """Let somebody whose place has lapsed begin anew under the least-filled order; False when it has not lapsed, or
+        `quota` participants hold a cell."""
+        with self._database.write() as connection:
+            (stored,), _ = participants.stored_sessions(connection, self.flow, participant=participant)
+            if stored.session.state != LAPSED or participants.cells_held(connection) >= quota:
+                return False
+            begun = participants.begin_anew(connection, stored, study, self.flow)
+            data = {"event": "place_given", "from": stored.session.state, "to": begun.state, "reason": None}
+            rows.add(connection, "events", [EventRow(participant, None, None, utc, "state", "lab", json.dumps(data))])
             return True
 
     def erasures(self) -> tuple[tuple[str, str], ...]:

@@ -120,6 +120,8 @@ def test_an_id_given_twice_in_one_link_is_neither() -> None:
         (0, "paused", False, "elsewhere"),
         (0, "done", False, "elsewhere"),
         (0, "screened_out", False, "elsewhere"),
+        (0, "lapsed", False, "enrol"),
+        (2, "lapsed", True, "full"),
     ],
 )
 def test_one_place_for_one_id_and_nobody_walks_into_another_ones_session(

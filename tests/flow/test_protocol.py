@@ -82,7 +82,7 @@ def test_a_participant_goes_from_consent_to_thanks() -> None:
 def test_states_are_visited_in_the_order_of_the_study() -> None:
     session, visited = new_session("P001", 2), ["eligibility"]
     order: dict[str, EventName] = {
-        state: event for state, event in RULES if event not in ("consent_declined", "screened_out")
+        state: event for state, event in RULES if event not in ("consent_declined", "screened_out", "place_lapsed")
     }
     while not session.is_over:
         session, _ = advance(session, order[session.state], 0.0)
@@ -108,8 +108,8 @@ def test_an_illegal_event_names_state_event_and_what_is_allowed() -> None:
         advance(begun(), "start", 0.0)
     assert (caught.value.state, caught.value.event) == ("consent", "start")
     assert str(caught.value) == (
-        "event 'start' is not allowed in state 'consent'; allowed: consent_given, consent_declined, "
-        "connection_lost, picture_lost, experimenter_pause, withdraw, abort"
+        "event 'start' is not allowed in state 'consent'; allowed: place_lapsed, consent_given, "
+        "consent_declined, connection_lost, picture_lost, experimenter_pause, withdraw, abort"
     )
     done, _ = advance(begun(), "withdraw", 0.0)
     with pytest.raises(IllegalEvent, match="none, the session is over"):
@@ -379,9 +379,10 @@ def test_every_state_can_be_reached_and_left() -> None:
 
 def test_the_whole_table_is_the_one_participants_have_always_gone_through() -> None:
     """Derived from the pages, and told here as a table."""
-    assert RULES == {
+    assert {
         ("eligibility", "eligible"): "consent",
         ("eligibility", "screened_out"): "screened_out",
+        **{(state, "place_lapsed"): "lapsed" for state in ("eligibility", "consent")},
         ("consent", "consent_given"): "demographics",
         ("consent", "consent_declined"): "withdrawn",
         ("demographics", "demographics_done"): "setup",
@@ -394,11 +395,12 @@ def test_the_whole_table_is_the_one_participants_have_always_gone_through() -> N
         ("survey", "survey_done"): "break",  # debrief after the last trial
         ("break", "continue"): "practice_ready",  # of the next trial
         ("debrief", "debrief_done"): "done",
-    }
+    } == RULES
     assert INTERVENTIONS == {("trial_ready", "repeat_practice"): "practice_ready", ("trial", "abort_trial"): "survey"}
     assert {"eligibility", "demographics", "practice_ready", "survey"} == SKIPPABLE
     assert (
-        *("eligible", "screened_out", "consent_given", "consent_declined", "demographics_done", "setup_done"),
+        *("eligible", "screened_out", "place_lapsed"),
+        *("consent_given", "consent_declined", "demographics_done", "setup_done"),
         *("instructions_done", "start", "practice_done", "trial_done", "survey_done", "continue", "debrief_done"),
         *(
             "connection_lost",

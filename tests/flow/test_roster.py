@@ -28,6 +28,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         one(6, "done", kind="pilot", order=3),
         one(7, "aborted", order=4),
         one(9, "screened_out", order=5),
+        one(10, "lapsed", order=5),
         Enrolled("P008", "study", "done", ("an", "older", "study"), False),
     ]
     rows = grid(shipped_study(), everyone)
@@ -40,6 +41,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         (),
         (),
     ]
+    assert [row.lapsed for row in rows] == [0, 0, 0, 0, 0, 1]
     assert [row.is_next for row in rows] == [False, False, False, True, False, False]
     assert counts(everyone) == {
         "waiting": 1,
@@ -49,6 +51,7 @@ def test_the_grid_shows_who_holds_each_cell_and_which_order_is_next() -> None:
         "withdrawn": 1,
         "aborted": 1,
         "screened_out": 1,
+        "lapsed": 1,
         "unreadable": 0,
     }
 

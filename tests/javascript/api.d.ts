@@ -172,6 +172,7 @@ export interface GridReply {
   order: Array<string>;
   next: boolean;
   cells: Array<CellReply>;
+  counts: Record<string, number>;
 }
 
 /** The open link of this study, and how many of its places are taken. */

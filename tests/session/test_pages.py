@@ -73,6 +73,7 @@ def every_session() -> list[Session]:
         found += [FLOW.advance(session, Event(name, "a reason"), 0.0)[0] for name in ("withdraw", "abort")]
         if session.state == "eligibility":
             found.append(FLOW.advance(session, Event("screened_out", '["webgl"]'), 0.0)[0])
+            found.append(FLOW.advance(session, Event("place_lapsed", "no page for 30 min"), 0.0)[0])
         session, _ = FLOW.advance(session, LEADS_ON[session.state], 0.0)
 
 

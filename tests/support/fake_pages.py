@@ -227,6 +227,7 @@ CONTENT: dict[str, Message] = {
     "withdrawn": {"text": ["You have ended your participation. Thank you for your time."], "completion_link": None},
     "aborted": {"text": ["The experimenter has ended the session."], "completion_link": None},
     "screened_out": {"text": ["This study cannot be done on this device."], "completion_link": None},
+    "lapsed": {"text": ["This study has all the participants it needs."], "completion_link": None},
     "paused": {
         **_driving("pickup", "spray_bottle", 6, False),
         "causes": ["connection"],

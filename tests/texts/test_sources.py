@@ -124,7 +124,7 @@ def test_a_template_keeps_what_is_translated_and_adds_the_rest() -> None:
 FOR_PARTICIPANTS = ("study/flow", "app/session", "app/web/join_api.py")
 FOR_EXPERIMENTERS = {
     *("commands.py", "explanation.py", "notes.py", "quality.py", "overview.py", "roster.py", "contract.py"),
-    "saving.py",
+    *("saving.py", "reconcile.py"),
 }
 """Modules there whose sentences are shown on the dashboard, told to whoever writes a study, or in the reference."""
 SENTENCE = re.compile(r"^[A-Z“][^A-Z]*[a-z]+[,:]? [a-z]")

@@ -9,12 +9,13 @@ import { tab } from "../../common/store.js";
 /** @import { IconName } from "../../common/dom.js" */
 /** @import { Context, PageOf, View } from "../view.js" */
 
-/** @type {Record<"done" | "withdrawn" | "aborted" | "screened_out", [title: string, sign: IconName]>} */
+/** @type {Record<"done" | "withdrawn" | "aborted" | "screened_out" | "lapsed", [title: string, sign: IconName]>} */
 const ENDS = {
   done: [t("Thank you"), "check"],
   withdrawn: [t("You have stopped taking part"), "hand"],
   aborted: [t("The session was ended"), "warning"],
   screened_out: [t("This study does not fit your device"), "info"],
+  lapsed: [t("There is no place left in this study"), "info"],
 };
 
 const FORWARD_S = 10;

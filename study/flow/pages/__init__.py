@@ -40,4 +40,5 @@ PAGES: tuple[FlowPage, ...] = (
     endings.WITHDRAWN,
     endings.ABORTED,
     endings.SCREENED_OUT,
+    endings.LAPSED,
 )

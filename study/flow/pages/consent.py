@@ -18,7 +18,7 @@ from study.flow.page import (
     StepData,
     button,
 )
-from study.flow.protocol import Ending, Event, Session
+from study.flow.protocol import LAPSE, Ending, Event, Session
 
 
 class ConsentData(StepData):
@@ -60,5 +60,5 @@ PAGE = FlowPage(
     content=content,
     steps={"consent": Step(ConsentData, _agree), "decline": button("consent_declined")},
     scripted=scripted,
-    ends={"consent_declined": Ending("withdrawn", "declined")},
+    ends={"consent_declined": Ending("withdrawn", "declined"), "place_lapsed": LAPSE},
 )

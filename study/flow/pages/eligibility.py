@@ -25,7 +25,7 @@ from study.flow.page import (
     StepContext,
     StepData,
 )
-from study.flow.protocol import Ending, Event, Session
+from study.flow.protocol import LAPSE, Ending, Event, Session
 
 Pixels = Annotated[int, Field(ge=0, le=100_000)]
 
@@ -120,5 +120,5 @@ PAGE = FlowPage(
     steps={"eligibility": Step(EligibilityData, _check), "leave": Step(NoData, _leave)},
     scripted=scripted,
     left_out=asks_nothing,
-    ends={"screened_out": Ending("screened_out", "screened_out")},
+    ends={"screened_out": Ending("screened_out", "screened_out"), "place_lapsed": LAPSE},
 )

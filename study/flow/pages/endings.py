@@ -1,4 +1,4 @@
-"""The last pages: thanks, and the three ends before their time. `study.flow.protocol.TERMINAL` names their states."""
+"""The last pages: thanks, and the four ends before their time. `study.flow.protocol.TERMINAL` names their states."""
 
 from __future__ import annotations
 
@@ -32,7 +32,14 @@ def aborted_content(session: Session, context: PageContext) -> Content:
     return {"text": list(as_read(context.study).texts.aborted), "completion_link": None}
 
 
+def lapsed_content(session: Session, context: PageContext) -> Content:
+    """They were away for long before they agreed to take part, and came back when every place was taken."""
+    rules = as_read(context.study).recruitment
+    return {"text": list(rules.full), "completion_link": filled(rules.full_link, context.ids)}
+
+
 DONE = FlowPage(state="done", content=done_content, view=VIEW)
 WITHDRAWN = FlowPage(state="withdrawn", content=withdrawn_content, view=VIEW)
 ABORTED = FlowPage(state="aborted", content=aborted_content, view=VIEW)
+LAPSED = FlowPage(state="lapsed", content=lapsed_content, view=VIEW)
 SCREENED_OUT = FlowPage(state="screened_out", content=screened_out_content, view=VIEW)
