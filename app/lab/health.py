@@ -14,7 +14,7 @@ import contextlib
 import logging
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -26,6 +26,11 @@ log = logging.getLogger(__name__)
 
 CheckName = Literal["store", "data_folder", "workers", "room", "scene"]
 HEALTH: tuple[CheckName, ...] = ("store", "data_folder", "workers")
+ASKS: Mapping[CheckName, str] = {
+    "workers": "whether a process can be started for a session",
+    "room": "how much room there is on the disk",
+}
+"""What is looked at, for when that cannot be told."""
 LOOK_EVERY_S = 10.0
 LOOK_AGAIN_AFTER_S = 1.0
 """While something is wrong."""
@@ -98,11 +103,11 @@ class Health:
             asked = self._asked[name] = _on_thread(name, self._probes[name])
         done, _ = await asyncio.wait([asked], timeout=self._answer_within_s)
         if not done:
-            self._found(name, f"no answer for {self._answer_within_s:g} s")
+            self._found(name, f"{ASKS[name]}: no answer for {self._answer_within_s:g} s")
             return
         del self._asked[name]
         error = asked.exception()
-        self._found(name, asked.result() if error is None else f"could not be told ({type(error).__name__})")
+        self._found(name, asked.result() if error is None else f"{ASKS[name]}: {type(error).__name__}")
 
     def _prepared(self, done: asyncio.Future[str]) -> None:
         told = "" if done.cancelled() else "" if done.exception() else done.result()

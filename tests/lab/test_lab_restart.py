@@ -28,6 +28,7 @@ from tests.support.lab_server import LabServer
 from tests.support.local_lab import ENDS_WITHIN_S, RIGHT, LocalPage, in_first_trial, lab_in_here
 from tests.support.wire_client import (
     Player,
+    asked,
     command,
     events,
     invite,
@@ -94,6 +95,10 @@ async def test_a_killed_worker_costs_no_tick(launch: Callable[[], LabServer]) ->
         await player.status("running")
         assert (await player.tick(RIGHT)).tick == last.tick + 1
         await drive(player, 4)
+    metrics = asked(lab, "GET", "metrics").text.splitlines()
+    assert {"salab_worker_starts_total 2.0", "salab_worker_restarts_total 1.0", "salab_ticks_total 12.0"} <= set(
+        metrics
+    )
     rows = ticks(lab, participant)
     assert contiguous(rows) and len(rows) == 12
     assert rows[7].after_pause == 1 and (rows[7].m_x, rows[7].m_y, rows[7].m_z) == (0, 0, 0)
