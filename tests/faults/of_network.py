@@ -6,7 +6,7 @@ import asyncio
 
 from tests.faults.person import Person
 from tests.faults.proxy import GOOD, BadNetwork, Line
-from tests.faults.row import Fault, Setup, line, panel, sign
+from tests.faults.row import TOLD_S, Fault, Setup, line, panel, sign
 from tests.faults.stage import Stage
 
 SHORT_CUT_S, CUT_S, LONG_CUT_S = 2.0, 20.0, 300.0
@@ -94,7 +94,7 @@ ROWS = (
         part="states",
         setup=BAD_NETWORK,
         way_s=0.1,
-        experimenter=(line(2.0, held=True),),
+        experimenter=(line(TOLD_S, held=True),),
     ),
     Fault(
         "cut_20s",
@@ -105,7 +105,7 @@ ROWS = (
         setup=BAD_NETWORK,
         way_s=0.1,
         participant=(sign("lost", 12.0),),
-        experimenter=(line(2.0, held=True),),
+        experimenter=(line(TOLD_S, held=True),),
     ),
     Fault(
         "cut_5min",
@@ -116,7 +116,7 @@ ROWS = (
         setup=BAD_NETWORK,
         way_s=0.1,
         participant=(sign("lost", 12.0),),
-        experimenter=(line(2.0, held=True), line(90.0, connected=False)),
+        experimenter=(line(TOLD_S, held=True), line(90.0, connected=False)),
         is_long=True,
     ),
     Fault(
@@ -134,7 +134,7 @@ ROWS = (
         two_tabs,
         downtime_s=3.0,
         part="states",
-        participant=(sign("superseded", 2.0),),
+        participant=(sign("superseded", TOLD_S),),
     ),
     Fault(
         "second_device_lost",
@@ -142,8 +142,8 @@ ROWS = (
         second_device_lost,
         downtime_s=1.0,
         part="states",
-        participant=(panel("gone", 2.0), panel("connected", 12.0)),
-        experimenter=(line(2.0, panel_missing=True),),
+        participant=(panel("gone", TOLD_S), panel("connected", 12.0)),
+        experimenter=(line(TOLD_S, panel_missing=True),),
         setup=Setup(second_device=True),
     ),
 )

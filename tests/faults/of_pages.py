@@ -8,7 +8,7 @@ import time
 from tests.faults import processes
 from tests.faults.of_storage import FULL_S, STALLED, disk_full
 from tests.faults.page import PagePerson
-from tests.faults.row import Fault, Setup, line, one_sign, sign, unhealthy, unreachable
+from tests.faults.row import TOLD_S, Fault, Setup, board, line, one_sign, sign, unhealthy, unreachable
 from tests.faults.stage import Stage
 from tests.support.wire_client import SHORT
 
@@ -89,8 +89,8 @@ ROWS = (
         page_kill_web,
         downtime_s=12.0,
         part="states",
-        participant=(sign("lost", 2.0), sign("paused", 30.0, "connection")),
-        experimenter=(unreachable(1.0),),
+        participant=(sign("lost", TOLD_S), sign("paused", 30.0, "connection")),
+        experimenter=(unreachable(TOLD_S), board("Not up to date", 6.0)),
         setup=AT_PAGE,
     ),
     Fault(
@@ -99,7 +99,7 @@ ROWS = (
         page_lid_closed,
         downtime_s=3.0,
         part="states",
-        experimenter=(line(2.0, held=True),),
+        experimenter=(line(TOLD_S, held=True), board("robot holds", TOLD_S + 1.0)),
         setup=AT_PAGE,
     ),
     Fault(
@@ -108,7 +108,7 @@ ROWS = (
         page_renderer_hangs,
         downtime_s=3.0,
         part="states",
-        experimenter=(line(2.0, held=True),),
+        experimenter=(line(TOLD_S, held=True),),
         setup=AT_PAGE,
     ),
     Fault(
@@ -118,7 +118,7 @@ ROWS = (
         downtime_s=12.0,
         part="states",
         participant=(sign("paused", 30.0, "connection"),),
-        experimenter=(line(1.5, connected=False), line(2.0, state="paused")),
+        experimenter=(line(TOLD_S, connected=False), board("Not connected", TOLD_S + 1.0)),
         setup=AT_PAGE,
     ),
     Fault(
@@ -136,8 +136,8 @@ ROWS = (
         disk_full,
         downtime_s=3.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
-        experimenter=(unhealthy(2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
+        experimenter=(unhealthy(TOLD_S),),
         setup=Setup(study=QUIET, in_page=True, disk="small"),
     ),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.faults import processes
 from tests.faults.disk import locked
-from tests.faults.row import Fault, Setup, event, one_sign, unhealthy
+from tests.faults.row import TOLD_S, Fault, Setup, event, one_sign, unhealthy
 from tests.faults.stage import Stage
 
 FULL_S = 4.0
@@ -125,8 +125,8 @@ ROWS = (
         disk_full,
         downtime_s=3.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
-        experimenter=(unhealthy(2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
+        experimenter=(unhealthy(TOLD_S),),
         setup=SMALL_DISK,
     ),
     Fault(
@@ -135,7 +135,7 @@ ROWS = (
         lock,
         downtime_s=2.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
     ),
     Fault(
         "locked_long",
@@ -143,7 +143,7 @@ ROWS = (
         lock_long,
         downtime_s=4.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
         experimenter=(unhealthy(12.0),),
         is_long=True,
     ),
@@ -153,8 +153,8 @@ ROWS = (
         read_only,
         downtime_s=12.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
-        experimenter=(unhealthy(2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
+        experimenter=(unhealthy(TOLD_S),),
         setup=Setup(disk="failing"),
     ),
     Fault(
@@ -163,8 +163,8 @@ ROWS = (
         deleted,
         downtime_s=0.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
-        experimenter=(unhealthy(2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
+        experimenter=(unhealthy(TOLD_S),),
         goes_on=False,
         exports=False,
     ),
@@ -174,7 +174,7 @@ ROWS = (
         corrupted,
         downtime_s=0.0,
         part="states",
-        participant=(one_sign(STALLED, 2.0),),
+        participant=(one_sign(STALLED, TOLD_S),),
         experimenter=(unhealthy(4.0),),
         goes_on=False,
         exports=False,

@@ -16,9 +16,10 @@ from playwright.async_api import Error as PlaywrightError
 from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE, Ack, Error, Submit, Tick
 from app.wire import Page as LabPage
 from tests.conftest import CHROMIUM_ARGUMENTS
-from tests.faults.person import GOES_ON_AFTER_S, Hands, HeardTick, Person
+from tests.faults.person import GOES_ON_AFTER_S, Hands, HeardTick, Person, Seen
 from tests.faults.row import CannotRun
 from tests.support import chromium
+from tests.support.lab_server import EXPERIMENTER_TOKEN
 from tests.support.wire_client import Direction, visit
 
 KEYS = {(0, 1, 0): "KeyA", (0, 0, 1): "KeyR", (1, 0, 0): "KeyW", (0, -1, 0): "KeyD", (0, 0, -1): "KeyF"}
@@ -54,6 +55,27 @@ OBSERVER = """
 """
 
 
+BOARD_OBSERVER = """
+(() => {
+  let told = "";
+  const look = () => {
+    const row = document.querySelector("[data-testid=session-row]");
+    const updated = document.querySelector("[data-testid=last-updated]");
+    const alerts = [...document.querySelectorAll("[role=alert]")].map((one) => one.innerText);
+    const stale = updated?.classList.contains("stale") ? updated.innerText.replace(/ at .*/, "") : "";
+    const text = [stale, row?.innerText, ...alerts].filter(Boolean).join(" | ").replaceAll(/\\s+/g, " ");
+    if (text && text !== told) window.sawBoard((told = text));
+  };
+  addEventListener("DOMContentLoaded", () => {
+    const watch = { subtree: true, childList: true, attributes: true, characterData: true };
+    new MutationObserver(look).observe(document.documentElement, watch);
+    look();
+  });
+})();
+"""
+"""The participant's line as the dashboard's page shows it, and what else it says aloud."""
+
+
 class PagePerson(Person):
     """See the module's text. Hands are keys; a call for help goes through the page's own outbox."""
 
@@ -64,6 +86,7 @@ class PagePerson(Person):
         self._playwright: Playwright | None = None
         self.browser: Browser | None = None
         self.tab: Page | None = None
+        self._board: Browser | None = None
         self._pressed: str | None = None
         self._clicking: set[asyncio.Task[None]] = set()
 
@@ -79,9 +102,10 @@ class PagePerson(Person):
         for task in (*self._clicking, *([self._task] if self._task else [])):
             task.cancel()
         await asyncio.gather(*self._clicking, return_exceptions=True)
-        with contextlib.suppress(PlaywrightError):
-            if self.browser is not None:
-                await self.browser.close()
+        for browser in (self.browser, self._board):
+            with contextlib.suppress(PlaywrightError):
+                if browser is not None:
+                    await browser.close()
         if self._playwright is not None:
             await self._playwright.stop()
 
@@ -99,6 +123,23 @@ class PagePerson(Person):
         await context.expose_function("saw", self._saw)
         await context.add_init_script(OBSERVER)
         self.tab = await self._tab()
+        if not self.board_seen:
+            await self._open_board()
+
+    async def _open_board(self) -> None:
+        """The dashboard's page, in a browser of the experimenter's."""
+        assert self._playwright is not None
+        self._board = await self._playwright.chromium.launch(
+            executable_path=await asyncio.to_thread(chromium.find), args=CHROMIUM_ARGUMENTS
+        )
+        context = await self._board.new_context(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
+        await context.expose_function("sawBoard", self._saw_board)
+        await context.add_init_script(BOARD_OBSERVER)
+        page = await context.new_page()
+        await page.goto(f"http://{self.address}/dashboard#token={EXPERIMENTER_TOKEN}")
+
+    async def _saw_board(self, text: str) -> None:
+        self.board_seen.append(Seen(time.monotonic(), "board", "row", text))
 
     async def _tab(self) -> Page:
         """Another tab of the same browser, with the link open."""

@@ -126,6 +126,8 @@ class Person:
         self.second_device: Person | None = None
         self.memory = Memory()
         self.life = 0
+        self.board_seen: list[Seen] = []
+        """What an experimenter saw on the dashboard's page, where one is open."""
         self.page: Page | None = None
         self.status = ""
         self.connected = False

@@ -147,7 +147,7 @@ async def judge(stage: Stage, done: Hit) -> Outcome:
         if fault.exports:
             problems.append(f"the record cannot be read: {type(error).__name__}: {error}"[:300])
     told_participant = _told(fault.participant, person.memory.seen, done.began_s)
-    told_experimenter = _told(fault.experimenter, stage.experimenter.seen, done.began_s)
+    told_experimenter = _told(fault.experimenter, [*stage.experimenter.seen, *person.board_seen], done.began_s)
     problems += _untold("the participant", fault.participant, told_participant)
     problems += _untold("the experimenter", fault.experimenter, told_experimenter)
     standstill_s = standstill(person.memory.ticks, done.began_s, done.ended_s) if fault.goes_on else None

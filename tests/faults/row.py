@@ -12,6 +12,8 @@ from tests.support.wire_client import SHORT
 if TYPE_CHECKING:
     from tests.faults.stage import Stage
 
+TOLD_S = 2.0
+"""People are told within a second; as much again is for a machine that does other work."""
 Disk = Literal["usual", "small", "failing"]
 """Where the data folder lies: as everything does, on a disk that can be filled, or on one that can be made to fail."""
 
@@ -105,6 +107,11 @@ def line(within_s: float, **values: object) -> Sight:
 def event(kind: str, within_s: float) -> Sight:
     """An event of the session on the dashboard."""
     return Sight(f"event {kind}", lambda seen: seen.kind == "event" and seen.name == kind, within_s)
+
+
+def board(text: str, within_s: float) -> Sight:
+    """Words on the dashboard's page."""
+    return Sight(f"dashboard “{text}”", lambda seen: seen.kind == "board" and text in seen.text, within_s)
 
 
 def unhealthy(within_s: float) -> Sight:
