@@ -44,6 +44,8 @@ from study.store import WHAT_TO_DO, StoredSession, Trouble, UnreadableSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
+ALIVE_S = 2.0
+"""How often a dashboard to which nothing new is to be told hears that the lab is there."""
 REFRESH_S = 10.0
 """How often everything is looked at again, changed or not."""
 MAX_HELLO_BYTES = 2_000
@@ -249,7 +251,7 @@ class Stream:
 
     async def _send_all(self) -> None:
         loop = asyncio.get_running_loop()
-        refreshed_s = -REFRESH_S
+        refreshed_s = said_s = -REFRESH_S
         while True:
             changed, self._changed = self._changed, set()
             self._wake.clear()
@@ -257,7 +259,8 @@ class Stream:
             if due or any(self._lab.live_session(one) is None or one not in self._known for one in changed):
                 changed = await self._look_up()
                 refreshed_s = loop.time()
-            await self._send_overview(changed, is_sign_of_life=due)
+            if await self._send_overview(changed, is_sign_of_life=due or loop.time() - said_s >= ALIVE_S):
+                said_s = loop.time()
             try:
                 await self._send_watched()
             except (WebSocketDisconnect, RuntimeError):
@@ -266,7 +269,8 @@ class Stream:
                 await self._send_unshown(error)
             await asyncio.sleep(GAP_S)
             with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._wake.wait(), max(0.0, refreshed_s + REFRESH_S - loop.time()))
+                next_s = min(refreshed_s + REFRESH_S, said_s + ALIVE_S)
+                await asyncio.wait_for(self._wake.wait(), max(0.0, next_s - loop.time()))
 
     async def _look_up(self) -> set[str]:
         """Read everybody again, beside the writing thread: ticks do not wait for it."""
@@ -279,7 +283,8 @@ class Stream:
         self._known = await asyncio.to_thread(read)
         return set(self._known) | set(self._sent)
 
-    async def _send_overview(self, participants: set[str], is_sign_of_life: bool) -> None:
+    async def _send_overview(self, participants: set[str], is_sign_of_life: bool) -> bool:
+        """What changed, or only that the lab is there; whether anything was sent."""
         lines = []
         for participant, known in self._known.items():
             if participant in participants:
@@ -291,10 +296,12 @@ class Stream:
         for participant in gone:
             del self._sent[participant]
         trouble = trouble_reply(self._lab.store.trouble)
-        if lines or gone or is_sign_of_life or trouble != self._trouble:
-            self._trouble = trouble
-            told = trouble.model_dump() if trouble else None
-            await self._send({"type": "overview", "sessions": lines, "gone": gone, "trouble": told})
+        if not (lines or gone or is_sign_of_life or trouble != self._trouble):
+            return False
+        self._trouble = trouble
+        told = trouble.model_dump() if trouble else None
+        await self._send({"type": "overview", "sessions": lines, "gone": gone, "trouble": told})
+        return True
 
     async def _send_unshown(self, error: Exception) -> None:
         """That the open session cannot be shown, in place of its news."""

@@ -149,6 +149,14 @@ live.feed.addEventListener("trouble", (event) => trouble.show(event.detail));
 function drawn(sessions) {
   lastMs = performance.now();
   lastAt = new Date();
+  draw(sessions);
+}
+
+/**
+ * @param {Session[]} sessions
+ * @returns {void}
+ */
+function draw(sessions) {
   rows.update(sessions);
   calls.update(sessions);
   results.follow(sessions);
@@ -166,10 +174,12 @@ function sayUpdated() {
 let polling = false;
 /** @returns {Promise<void>} */
 async function poll() {
+  sayUpdated(); // a lab that hangs lets every question wait
+  if (live.fed) return draw(live.sessions);
   if (polling) return;
   polling = true;
   try {
-    drawn(live.fed ? live.sessions : await api.sessions());
+    drawn(await api.sessions());
   } catch (error) {
     if (isRefused(error)) login(problemText(error));
     else sayUpdated();

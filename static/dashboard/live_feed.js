@@ -25,7 +25,7 @@ const FIRST_RETRY_MS = 500;
 const LAST_RETRY_MS = 8000;
 const REFUSED = 1008;
 const GONE = 1006;
-const SILENT_MS = 30_000; // the lab gives a sign of life every ten seconds
+const SILENT_MS = 30_000; // the lab gives a sign of life every two seconds
 
 /** @extends {Emitter<{ sessions: LiveReply[], watched: Watched, trouble: TroubleReply | null }>} */
 export class LiveFeed extends Emitter {

@@ -32,6 +32,19 @@ def test_dashboard_signs_in_from_the_link_and_hides_the_token(page: Page, lab: F
     assert page.get_by_test_id("last-updated").inner_text().startswith("Updated")
 
 
+def test_dashboard_says_that_a_lab_which_does_not_answer_was_last_heard_a_while_ago(page: Page, lab: FakeLab) -> None:
+    lab.sessions = [session_row("p001", "trial")]
+    page.clock.install()
+    page.goto(f"{lab.base_url}/dashboard#token=right-token")
+    visible(page, "sessions")
+    updated = page.get_by_test_id("last-updated")
+    assert updated.inner_text().startswith("Updated")
+    page.route("**/api/sessions", lambda route: None)  # the question is asked, and nothing comes
+    page.clock.run_for(6_000)
+    page.get_by_text("Not up to date: last heard from the lab at").wait_for()
+    assert "stale" in (updated.get_attribute("class") or "")
+
+
 def test_dashboard_creates_links_and_acts_on_sessions(page: Page, lab: FakeLab) -> None:
     lab.sessions = [session_row("p001", "trial"), session_row("p003", "done")]
     page.goto(f"{lab.base_url}/dashboard#token=right-token")

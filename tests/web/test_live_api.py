@@ -104,6 +104,14 @@ async def test_every_session_is_told_at_once_and_each_change_after_it(quick_lab:
         assert (line["state"], line["causes"]) == ("paused", ["connection"])
 
 
+async def test_a_dashboard_to_which_nothing_is_new_hears_that_the_lab_is_there(quick_lab: LabServer) -> None:
+    async with dashboard(quick_lab) as board:
+        await board.next()
+        while (message := await board.next())["sessions"]:
+            pass  # somebody else's
+        assert message == {"type": "overview", "sessions": [], "gone": [], "trouble": None}
+
+
 async def test_focus_and_visibility_are_told_when_they_change(quick_lab: LabServer) -> None:
     made = invite(quick_lab, pace="real_time")
     async with dashboard(quick_lab) as board, visit(made["link"]) as player:
