@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
+PRIVATE = 0o077
+"""What the program writes, others cannot read: database, exports, backups and reports are about people."""
 IS_PATH_SAFE = bool(sys.flags.isolated or getattr(sys.flags, "safe_path", False))
 
 if __name__ == "__main__" and not IS_PATH_SAFE and Path(sys.path[0]).resolve() != CHECKOUT:
@@ -34,6 +36,7 @@ def main(arguments: Sequence[str] | None = None, flow: Flow | None = None) -> in
     """Run one command, with pages of one's own if a `flow` is given; an error the user can mend is one line on stderr
     and exit status 1."""
     console.prepare()
+    os.umask(PRIVATE)
     try:
         status = run(sys.argv[1:] if arguments is None else arguments, flow)
         console.flush()

@@ -19,7 +19,7 @@ from app.lab.gauges import gauges
 from app.lab.health import Health, why_no_room
 from app.lab.lapsing import Lapsing
 from app.lab.resuming import cycle_under_way, resumed
-from app.lab.tokens import new_token, same_token, token_hash
+from app.lab.tokens import check_strength, new_token, same_token, token_hash
 from app.limits import Refusals
 from app.monitoring.log_lines import about
 from app.monitoring.metrics import Metrics
@@ -164,6 +164,7 @@ class Lab:
         Raises `StudyError` (of which the errors of study file, parts and store are kinds), or `LabError` for a robot
         that cannot be made.
         """
+        check_strength(self.experimenter_token)
         study = open_study(self.config.study_file, self.config.trust)
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)

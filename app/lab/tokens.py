@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import itertools
+import math
 import secrets
-from collections import OrderedDict
+from collections import Counter, OrderedDict
+from collections.abc import Sequence
+
+from app.errors import LabError
 
 TOKEN_BYTES = 24
+LEAST_TOKEN_CHARACTERS = 24
+LEAST_TOKEN_BITS = 80
 
 
 def new_token() -> str:
@@ -18,6 +25,37 @@ def new_token() -> str:
 def token_hash(token: str) -> str:
     """What is stored of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
+
+
+def check_strength(token: str) -> None:
+    """Raises `LabError` for an experimenter's token that somebody could guess; it opens everything.
+
+    The bits of a text are estimated from how unevenly its characters, and the steps from each to the next, are
+    distributed; of one that repeats itself, only its unit counts. A made one has far more.
+    """
+    wrong = ""
+    if not all("!" <= one <= "~" for one in token):
+        wrong = "has characters other than the letters, digits and marks of ASCII"
+    elif len(token) < LEAST_TOKEN_CHARACTERS:
+        wrong = f"has {len(token)} characters; it must have at least {LEAST_TOKEN_CHARACTERS}"
+    elif (bits := _bits(token)) < LEAST_TOKEN_BITS:
+        wrong = f"can be guessed: about {bits:.0f} bits, at least {LEAST_TOKEN_BITS} are needed"
+    if wrong:
+        raise LabError(
+            f"the experimenter's token {wrong}. Make one with: python3 -c 'import secrets; "
+            "print(secrets.token_urlsafe(24))', or set none and the lab makes one"
+        )
+
+
+def _bits(text: str) -> float:
+    unit = text[: (text + text).find(text, 1)]  # "abcabc" is "abc" again and again
+    steps = [ord(after) - ord(before) for before, after in itertools.pairwise(unit)]
+    return min(_entropy(unit), _entropy(steps)) * len(unit)
+
+
+def _entropy(things: Sequence[object]) -> float:
+    shares = [count / len(things) for count in Counter(things).values()]
+    return sum(-share * math.log2(share) for share in shares) + 0.0  # never -0
 
 
 def dashboard_key(experimenter_token: str) -> str:

@@ -124,11 +124,12 @@ def export_zip(
     try:
         with work_folder(path.absolute().parent, store.path.parent) as work, store.snapshot() as recorded:
             folder, archive = work / "files", work / "archive.zip"
-            folder.mkdir()
+            folder.mkdir(mode=0o700)
             tables, studies, meta = _contents(recorded, include_demo, include_pilot)
             counts = _write(folder, tables, studies, meta, told)
             if told is not None:
                 told("the archive", 0)
+            archive.touch(0o600)
             _pack(folder, archive)
             put_in_place(archive, path)
     except OSError as error:
@@ -340,7 +341,7 @@ def _write_whole(
     try:
         with work_folder(place.parent, data_dir) as work:
             folder = work / "files"
-            folder.mkdir()
+            folder.mkdir(mode=0o700)
             counts = _write(folder, tables, studies, meta, told)
             put_in_place(folder, place)
     except OSError as error:

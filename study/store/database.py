@@ -26,6 +26,7 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 from study.store import ledger, migration
 from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
 from study.store.fingerprint import fingerprint_text, machine_fingerprint
+from study.store.private_files import FOLDER_MODE, keep_private, make_private
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
@@ -45,12 +46,15 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
     try:
         if must_exist and not path.is_file():
             raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
-        folder.mkdir(parents=True, exist_ok=True)
+        if not folder.exists():
+            folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
             raise StoreError(f"{path}: is no regular file; a lab's database cannot be there")
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
     lock = _lock(folder) if exclusive else None
+    if not must_exist:
+        _close_to_others(folder, path)
     is_new = not path.is_file() or path.stat().st_size == 0
     database = Database(path, lock)
     try:
@@ -61,9 +65,18 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
     return database
 
 
+def _close_to_others(folder: Path, path: Path) -> None:
+    try:
+        make_private(path)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
+    keep_private(folder, path.stem)
+
+
 def _lock(folder: Path) -> IO[str]:
     """The folder's lock, held until it is closed. Raises `StoreError` when a lab holds it, or it cannot be made."""
     try:
+        make_private(folder / LOCK_NAME)
         lock = (folder / LOCK_NAME).open("w")
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
