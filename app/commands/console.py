@@ -11,6 +11,8 @@ import os
 import sys
 import unicodedata
 
+LONGEST_LINE = 2_000
+"""Of what is wrong with a file: a cell or a name in it may be as long as the file."""
 GONE = 1
 """Exit status when the reader of a pipe has left, as in `salab check my-study.toml | head -1`."""
 
@@ -49,7 +51,11 @@ def complain(error: Exception) -> None:
     problems = getattr(error, "problems", None) or (str(error),)
     for number, problem in enumerate(problems):
         with contextlib.suppress(OSError, ValueError):
-            print(f"{'' if number else 'salab: '}{shown(problem)}", file=sys.stderr)
+            print(f"{'' if number else 'salab: '}{_short(shown(problem))}", file=sys.stderr)
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
 
 
 def of_system(error: OSError) -> str:

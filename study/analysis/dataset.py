@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from study.analysis.measures import TIME_LIMIT, Measures, measure
@@ -278,11 +279,11 @@ class _Ticks:
                     chunksize=_BLOCK_ROWS,
                 ) as blocks,
             ):
-                for block in blocks:
+                for block in _quietly(blocks):
                     yield from self._of(block)
         except AnalysisError:
             raise
-        except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
+        except (ValueError, OverflowError, OSError) as error:  # pandas' own errors are ValueErrors
             read_table(self._folder, "ticks")  # reads slowly, and names the line and the cell
             raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
 
@@ -314,6 +315,16 @@ def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone:
         raise AnalysisError(
             f"{folder / table}.csv: participant {unknown[0]} is not in participants.csv; export the data again"
         )
+
+
+def _quietly(blocks: Iterator[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """The blocks, without numpy's warning of a cell such as `inf` in a column of whole numbers, which is refused."""
+    while True:
+        with np.errstate(invalid="ignore"):
+            block = next(blocks, None)
+        if block is None:
+            return
+        yield block
 
 
 def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:

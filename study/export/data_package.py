@@ -20,9 +20,12 @@ import pyarrow.parquet as parquet
 
 from study.export.csv_words import HOW_TO_READ
 from study.integrity.checksums import SUMS_NAME, sums_of
+from study.json_text import parse_json
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, UTC, YES_NO, ColumnInfo, columns
+from study.text_file import MOST_TABLE_BYTES, FileProblem, opened, read_text
 
 DESCRIPTOR_NAME = "datapackage.json"
+MOST_DESCRIPTOR_BYTES = 10_000_000
 CODEBOOK_COLUMNS: Mapping[str, str] = {
     "table": "Table the column is in",
     "column": "Name of the column",
@@ -106,9 +109,9 @@ def write_descriptor(folder: Path, written: Sequence[str], later: Mapping[str, s
 def descriptor_sums(folder: Path) -> dict[str, str]:
     """File to SHA-256 as the descriptor has it; empty when it cannot be read."""
     try:
-        resources = json.loads((folder / DESCRIPTOR_NAME).read_text(encoding="utf-8"))["resources"]
+        resources = parse_json(read_text(folder / DESCRIPTOR_NAME, MOST_DESCRIPTOR_BYTES, within=folder))["resources"]
         return {str(one["path"]): str(one["hash"]).removeprefix("sha256:") for one in resources}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         return {}
 
 
@@ -193,9 +196,11 @@ class ParquetTable:
 def parquet_rows(path: Path) -> Iterator[dict[str, Any]]:
     """The rows of a Parquet file. Raises `ValueError` for one that cannot be read."""
     try:
-        with parquet.ParquetFile(path) as file:
+        with opened(path, MOST_TABLE_BYTES, within=path.parent) as source, parquet.ParquetFile(source) as file:
             for batch in file.iter_batches():
                 yield from batch.to_pylist()
+    except FileProblem as problem:
+        raise ValueError(problem.reason) from None
     except (OSError, pa.ArrowException) as error:
         raise ValueError(f"cannot be read: {' '.join(str(error).split())}") from None
 

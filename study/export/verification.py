@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from study.definition.files_beside import MOST_STUDY_BYTES
 from study.export.data_package import descriptor_sums, parquet_rows, same_in_parquet
 from study.export.export import ExportError, read_meta, read_table
 from study.integrity.chain import Linked, ReadChain
@@ -16,6 +17,7 @@ from study.integrity.checksums import changed_files, check_sums
 from study.integrity.content import OWN_KEYS, key_of
 from study.integrity.findings import Finding, Verdict
 from study.records import KEYS, REFERENCES, TABLES, TrialRow, columns
+from study.text_file import FileProblem, read_bytes
 
 CHAIN = "chain"
 
@@ -140,9 +142,10 @@ class _Export:
         hashes = {}
         for path in sorted(self._folder.glob("study*.toml")):
             try:
-                hashes[hashlib.sha256(path.read_bytes()).hexdigest()] = path.name
-            except OSError as error:
-                yield Finding(path.name, f"cannot be read: {error.strerror or error}")
+                raw = read_bytes(path, MOST_STUDY_BYTES, within=self._folder)
+                hashes[hashlib.sha256(raw).hexdigest()] = path.name
+            except FileProblem as problem:
+                yield Finding(path.name, problem.reason)
         for study in self._meta.get("studies", ()):
             if study not in hashes:
                 yield Finding("study.toml", f"no study file here is the one of hash {str(study)[:12]}")

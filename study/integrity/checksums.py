@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from study.integrity.findings import Finding
+from study.text_file import MOST_TABLE_BYTES, FileProblem, opened, read_bytes
 
 SUMS_NAME = "SHA256SUMS"
+MOST_SUMS_BYTES = 1_000_000
 
 
 def digest(path: Path) -> str:
-    """The SHA-256 of a file."""
+    """The SHA-256 of a file. Raises `FileProblem` for one that cannot be read, or is a link out of its folder."""
     sha256 = hashlib.sha256()
-    with path.open("rb") as file:
+    with opened(path, MOST_TABLE_BYTES, within=path.parent) as file:
         while block := file.read(1 << 20):
             sha256.update(block)
     return sha256.hexdigest()
@@ -29,24 +32,26 @@ def check_sums(folder: Path, described: Mapping[str, str] = {}) -> Iterator[Find
     """Files that are changed or missing. `described` is what another file says of their SHA-256: where it agrees with a
     file, the checksum is what was changed."""
     try:
-        lines = (folder / SUMS_NAME).read_bytes().decode("utf-8", "backslashreplace").split("\n")
-    except OSError:
-        yield Finding(SUMS_NAME, "is missing: nothing says what the files were")
+        raw = read_bytes(folder / SUMS_NAME, MOST_SUMS_BYTES, within=folder)
+    except FileProblem as problem:
+        is_missing = not os.path.lexists(folder / SUMS_NAME)
+        yield Finding(SUMS_NAME, "is missing: nothing says what the files were" if is_missing else problem.reason)
         return
+    lines = raw.decode("utf-8", "backslashreplace").split("\n")
     for number, line in enumerate(filter(None, lines), start=1):
         sha256, gap, name = line.partition("  ")
         if not gap or Path(name).name != name or name in ("", ".", ".."):
             yield Finding(SUMS_NAME, f"line {number} is no checksum of a file beside it")
             continue
-        try:
-            found = digest(folder / name)
-        except FileNotFoundError:
+        if not os.path.lexists(folder / name):
             is_strange = described and name not in described
             line_says = f"line {number} names {name}, which was no file of it"
             yield Finding(SUMS_NAME, line_says) if is_strange else Finding(name, "is missing")
             continue
-        except OSError as error:
-            yield Finding(name, f"cannot be read: {error.strerror or error}")
+        try:
+            found = digest(folder / name)
+        except FileProblem as problem:
+            yield Finding(name, problem.reason)
             continue
         if found != sha256 and described.get(name) == found:
             yield Finding(SUMS_NAME, f"line {number} is changed: {name} is as described elsewhere")

@@ -11,6 +11,7 @@ import pytest
 
 from app.commands import console
 from app.commands.options import place
+from app.errors import LabError
 from study.definition.study import DEFAULT_STUDY
 from tests.support import lab_server
 from tests.support.lab_server import ROOT
@@ -83,6 +84,12 @@ def test_a_lab_goes_on_when_nobody_reads_what_it_says(capfd: pytest.CaptureFixtu
 
 def test_what_is_shown_stays_in_its_line() -> None:
     assert console.shown("a\nb\u2028\x85\x1b[2J\ud800 ü\u00a0プ") == r"a\nb\u2028\x85\x1b[2J\ud800 ü" + "\u00a0プ"
+
+
+def test_an_error_is_short_whatever_stands_in_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    console.complain(LabError("a\n" + "x" * 100_000))
+    said = capsys.readouterr().err
+    assert said.startswith(r"salab: a\nxxx") and said.endswith("x…\n") and len(said) < 2_100
 
 
 @pytest.mark.parametrize("name", ["no\nsuch", "no\u2028such", "x" * 300, "no/" * 3000])

@@ -145,15 +145,29 @@ def test_a_file_beside_it_is_one_line(
 
 
 @each_place_beside
+@pytest.mark.parametrize("name", ["SHA256SUMS", "datapackage.json", "study.toml", "ticks.csv", "ticks.parquet"])
+def test_an_export_is_verified_without_waiting(
+    tmp_path: Path, place: Callable[[Path], None], why: str, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    package = recorded_export("kinematic", tmp_path)
+    (package / name).unlink(missing_ok=True)
+    place(package / name)
+    assert main(["verify", str(package)]) == 1
+    said = capsys.readouterr()
+    assert name in said.out + said.err and "Traceback" not in said.err and SECRET not in said.out + said.err
+
+
+@each_place_beside
 @pytest.mark.parametrize("name", ["meta.json", "participants.csv", "ticks.csv", "study.toml"])
 def test_an_export_is_one_line(tmp_path: Path, place: Callable[[Path], None], why: str, name: str) -> None:
     package = recorded_export("kinematic", tmp_path)
     (package / name).unlink()
     place(package / name)
-    (line,) = told("analyze", package, "--out", tmp_path / "report")
+    (line,) = told("analyze", package, "--changed", "--out", tmp_path / "report")
     if place is a_device:
         why = "is a link that leads out of its folder"
     assert name in line and why.removesuffix(" (byte 9)") in line
+    assert len(told("analyze", package, "--out", tmp_path / "report")) == 1  # it is not the file that was written
     assert not (tmp_path / "report").exists()
 
 
@@ -247,7 +261,7 @@ def test_a_table_that_cannot_be_read_is_one_line(tmp_path: Path, old: bytes, new
     for name in ("participants.csv", "ticks.csv"):
         file = package / name
         file.write_bytes(file.read_bytes().replace(old, new) if old != b"kinematic" else file.read_bytes() + new)
-    (line,) = told("analyze", package, "--out", tmp_path / "report")
+    (line,) = told("analyze", package, "--changed", "--out", tmp_path / "report")
     assert "participants.csv" in line and (why in line or old == b"P001"), line
     assert len(line) < 1_000
 
@@ -267,6 +281,18 @@ def test_a_cell_that_is_no_number_is_named(tmp_path: Path, number: str) -> None:
         with pytest.raises(ExportError) as error:
             read_table(package, "trials")
         assert f"trials.csv:2: {column} is " in str(error.value) and len(str(error.value)) < 500
+
+
+@pytest.mark.parametrize("number", ["inf", "nan", "1e999", "-9" + "9" * 30, "1.5"])
+def test_a_tick_that_is_no_number_is_one_line(tmp_path: Path, number: str) -> None:
+    package = recorded_export("kinematic", tmp_path)
+    file = package / "ticks.csv"
+    header, first, rest = file.read_text(encoding="utf-8").split("\n", 2)
+    cells = [*csv_cells(first)]
+    cells[header.split(",").index("tick")] = number
+    file.write_text("\n".join([header, joined(cells), rest]), encoding="utf-8")
+    (line,) = told("analyze", package, "--changed", "--out", tmp_path / "report")
+    assert "ticks.csv:2: tick is " in line
 
 
 def csv_cells(line: str) -> list[str]:

@@ -22,7 +22,7 @@ from tests.fuzz.sockets import Sockets
 from tests.fuzz.surface import Surface
 
 INPUTS = 100_000
-SHARES = {"sockets": 0.64, "live": 0.01, "routes": 0.20, "files": 0.15}
+SHARES = {"sockets": 0.75, "live": 0.01, "routes": 0.09, "files": 0.15}
 """How the inputs are divided."""
 SAID_EVERY_S = 30.0
 MOST_KEPT = 20

@@ -159,7 +159,7 @@ class Files(Surface):
             with in_time(WITHIN_S):
                 read(target)
         except StudyError as error:
-            lines = getattr(error, "problems", None) or (str(error),)
+            lines = getattr(error, "problems", ())  # the lines of others are shortened where they are printed
             wrong = [line for line in lines if "\n" in line or len(line) > LONGEST_LINE]
             return f"no line: {wrong[0][:300]!r}" if wrong else ""
         except (Exception, TakesTooLong):

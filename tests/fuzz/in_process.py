@@ -15,6 +15,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
+from urllib.parse import quote, unquote
 
 from app.config import LabConfig
 from app.lab.lab import Lab
@@ -23,6 +24,7 @@ from app.web.server import create_app
 TOKEN = "the-token-of-an-experimenter-who-fuzzes"
 WITHIN_S = 60.0
 """What takes longer hangs."""
+_SAFE = "".join(chr(number) for number in range(0x21, 0x7F))
 T = TypeVar("T")
 
 
@@ -137,9 +139,9 @@ class InProcessLab:
         return Answer(int(start["status"]), told, whole, raised)
 
     def _scope(self, kind: str, path: str, headers: Mapping[str, str]) -> dict[str, Any]:
-        from urllib.parse import unquote
-
-        raw, _, query = path.partition("?")
+        # What a server is given is ASCII: a browser writes everything else as percent signs and digits.
+        whole = quote(path.encode("utf-8", "surrogateescape"), safe=_SAFE)
+        raw, _, query = whole.partition("?")
         lines = {"host": "127.0.0.1", **{name.lower(): value for name, value in headers.items()}}
         return {
             "type": kind,
@@ -147,8 +149,8 @@ class InProcessLab:
             "http_version": "1.1",
             "scheme": "http" if kind == "http" else "ws",
             "path": unquote(raw),
-            "raw_path": raw.encode("utf-8", "surrogateescape"),
-            "query_string": query.encode("utf-8", "surrogateescape"),
+            "raw_path": raw.encode(),
+            "query_string": query.encode(),
             "root_path": "",
             "headers": [
                 (name.encode("latin-1", "replace"), value.encode("latin-1", "replace")) for name, value in lines.items()

@@ -47,14 +47,15 @@ class Routes(Surface):
     def inputs(self, count: int, random: Random) -> Iterator[tuple[Any, int]]:
         """Half from the document, in turns through its operations, half of any kind."""
         known = operations(self._lab)
-        each = max(1, count // 2 // len(known))
+        each, done = max(1, count // 2 // len(known)), 0
         for operation in known.values():
             for asked, wrong in tried(self._lab, operation, each, random.randrange(2**32), "P001"):
                 given = asdict(asked)
                 self._tried[_key(given)] = wrong
+                done += 1
                 yield given, 1
         paths = [operation.path for operation in known.values()]
-        for _ in range(count - each * len(known)):
+        for _ in range(count - done):
             yield self._any(paths, random), 1
 
     def _any(self, paths: list[str], random: Random) -> dict[str, Any]:
