@@ -50,3 +50,5 @@ def gauges(
     )
     yield Gauge("salab_bounds_reached", "How often each bound on what a client may cost was reached.",
                 {str(bound): count for bound, count in refusals.counts.items()}, "bound", is_counter=True)  # fmt: skip
+    yield Gauge("salab_outgoing_queue_longest", "What waits to be sent to the slowest page.",
+                {"": max((session.unsent for session in sessions), default=0)})  # fmt: skip

@@ -64,6 +64,11 @@ class Connections:
         """The second device's page."""
         return self._clients["panel"]
 
+    @property
+    def waiting(self) -> int:
+        """How many messages the slower page has not been sent yet."""
+        return max((client.waiting for client in self._clients.values() if client is not None), default=0)
+
     def end(self) -> None:
         """Close every connection."""
         for client in self._clients.values():

@@ -35,6 +35,10 @@ class Client(Protocol):
     telemetry: bool
     """Whether it asked for what the scene shows in numbers."""
 
+    @property
+    def waiting(self) -> int:
+        """How many messages have not been sent yet."""
+
     def deliver(self, message: Message) -> None:
         """Queue a message for the page; never blocks."""
 

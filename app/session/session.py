@@ -261,6 +261,11 @@ class LiveSession:
         return self._queue.qsize()
 
     @property
+    def unsent(self) -> int:
+        """How many messages the slower of its pages has not been sent yet."""
+        return self._connections.waiting
+
+    @property
     def has_worker(self) -> bool:
         """Whether there is a process of its own, ready or not."""
         return self._link.is_up

@@ -81,6 +81,11 @@ class SocketClient:
         self._outgoing: asyncio.Queue[Message | int] = asyncio.Queue(bounds.limits.unsent_messages)
         self._overrun = asyncio.Event()
 
+    @property
+    def waiting(self) -> int:
+        """How many messages have not been sent yet."""
+        return self._outgoing.qsize()
+
     def deliver(self, message: Message) -> None:
         """Queue a message; a refusal is counted."""
         if isinstance(message, Error):

@@ -189,6 +189,10 @@ class Page:
     def __init__(self) -> None:
         self.pings: list[Ping] = []
 
+    @property
+    def waiting(self) -> int:
+        return 0
+
     def deliver(self, message: Message) -> None:
         assert isinstance(message, Ping)
         self.pings.append(message)

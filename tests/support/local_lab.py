@@ -32,6 +32,10 @@ class LocalPage:
         self._arrived: asyncio.Queue[Message] = asyncio.Queue()
         session.attach(self)
 
+    @property
+    def waiting(self) -> int:
+        return 0
+
     def deliver(self, message: Message) -> None:
         self._arrived.put_nowait(message)
 

@@ -137,6 +137,8 @@ async def test_what_happens_is_counted_and_nobody_is_in_it(quick_lab: LabServer)
     assert by("salab_sessions", state="trial") == 1
     assert by("salab_connections", role="participant") == by("salab_connections", role="dashboard") == 1
     assert by("salab_workers") == 1
+    queues = ("salab_store_queue_length", "salab_session_queue_length", "salab_outgoing_queue_longest")
+    assert all((name, ()) in now for name in queues)
     assert by("salab_bounds_reached_total", bound="requests") == 0
     assert now["process_resident_memory_bytes", ()] > 0
     token = urlsplit(made["link"]).path.rpartition("/")[2]
