@@ -23,8 +23,8 @@ class Experimenter:
     """One dashboard that watches one participant, and comes back when it is cut off.
 
     `seen` has lines (kind "line", `data` as the dashboard got it), events of the watched participant (kind "event",
-    named after the event), answers of the health route when they change (kind "health", named after the status), and
-    "lost" for a lab that cannot be reached.
+    named after the event), what is said of the lab's saving (kind "trouble", named after what is wrong), answers of the
+    health route when they change (kind "health", named after the status), and "lost" for a lab that cannot be reached.
     """
 
     def __init__(self, address: str, participant: str) -> None:
@@ -32,6 +32,7 @@ class Experimenter:
         self.participant = participant
         self.seen: list[Seen] = []
         self.line: dict[str, Any] = {}
+        self.trouble: dict[str, Any] | None = None
         self._tasks: tuple[asyncio.Task[None], ...] = ()
         self._changed = asyncio.Event()
 
@@ -76,6 +77,12 @@ class Experimenter:
 
     def _hear(self, message: dict[str, Any]) -> None:
         if message["type"] == "overview":
+            trouble = message.get("trouble")
+            if trouble != self.trouble:
+                self._see(
+                    "trouble", trouble["kind"] if trouble else "none", trouble["text"] if trouble else "", trouble
+                )
+            self.trouble = trouble
             for line in message["sessions"]:
                 if line["participant"] == self.participant:
                     self.line = line

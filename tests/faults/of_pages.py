@@ -8,7 +8,7 @@ import time
 from tests.faults import processes
 from tests.faults.of_storage import FULL_S, STALLED, disk_full
 from tests.faults.page import PagePerson
-from tests.faults.row import TOLD_S, Fault, Setup, board, line, one_sign, sign, unhealthy, unreachable
+from tests.faults.row import TOLD_S, Fault, Setup, board, line, one_sign, sign, trouble, unreachable
 from tests.faults.stage import Stage
 from tests.support.wire_client import SHORT
 
@@ -137,7 +137,7 @@ ROWS = (
         downtime_s=3.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(TOLD_S),),
+        experimenter=(trouble(("full",), TOLD_S), board("full", TOLD_S + 1.0)),
         setup=Setup(study=QUIET, in_page=True, disk="small"),
     ),
 )

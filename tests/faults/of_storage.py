@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.faults import processes
 from tests.faults.disk import locked
-from tests.faults.row import TOLD_S, Fault, Setup, event, one_sign, unhealthy
+from tests.faults.row import TOLD_S, Fault, Setup, event, one_sign, trouble, unhealthy
 from tests.faults.stage import Stage
 
 FULL_S = 4.0
@@ -18,7 +18,7 @@ LOCKED_S = 3.0
 LOCKED_LONG_S = 30.0
 READ_ONLY_S = 4.0
 DELETED_S = 4.0
-STALLED = ("recovering", "held", "paused", "waiting")
+STALLED = ("unsaved", "recovering", "held", "paused")
 """Signs that tell a participant that the robot stands still because of the lab."""
 
 
@@ -126,7 +126,7 @@ ROWS = (
         downtime_s=3.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(TOLD_S),),
+        experimenter=(trouble(("full",), TOLD_S), unhealthy(TOLD_S)),
         setup=SMALL_DISK,
     ),
     Fault(
@@ -136,6 +136,7 @@ ROWS = (
         downtime_s=2.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
+        experimenter=(trouble(("locked", "slow"), TOLD_S),),
     ),
     Fault(
         "locked_long",
@@ -144,7 +145,7 @@ ROWS = (
         downtime_s=4.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(12.0),),
+        experimenter=(trouble(("locked", "slow"), TOLD_S), unhealthy(12.0)),
         is_long=True,
     ),
     Fault(
@@ -154,7 +155,7 @@ ROWS = (
         downtime_s=12.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(TOLD_S),),
+        experimenter=(trouble(("read_only", "io"), TOLD_S), unhealthy(TOLD_S)),
         setup=Setup(disk="failing"),
     ),
     Fault(
@@ -164,7 +165,7 @@ ROWS = (
         downtime_s=0.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(TOLD_S),),
+        experimenter=(trouble(("gone",), TOLD_S), unhealthy(TOLD_S)),
         goes_on=False,
         exports=False,
     ),
@@ -175,7 +176,7 @@ ROWS = (
         downtime_s=0.0,
         part="states",
         participant=(one_sign(STALLED, TOLD_S),),
-        experimenter=(unhealthy(4.0),),
+        experimenter=(trouble(("corrupt",), TOLD_S + 2.0), unhealthy(TOLD_S + 2.0)),
         goes_on=False,
         exports=False,
     ),

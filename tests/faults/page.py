@@ -63,7 +63,9 @@ BOARD_OBSERVER = """
     const updated = document.querySelector("[data-testid=last-updated]");
     const alerts = [...document.querySelectorAll("[role=alert]")].map((one) => one.innerText);
     const stale = updated?.classList.contains("stale") ? updated.innerText.replace(/ at .*/, "") : "";
-    const text = [stale, row?.innerText, ...alerts].filter(Boolean).join(" | ").replaceAll(/\\s+/g, " ");
+    const trouble = document.querySelector("[data-testid=lab-trouble]");
+    const unsaved = trouble?.hidden ? "" : trouble?.innerText;
+    const text = [stale, unsaved, row?.innerText, ...alerts].filter(Boolean).join(" | ").replaceAll(/\\s+/g, " ");
     if (text && text !== told) window.sawBoard((told = text));
   };
   addEventListener("DOMContentLoaded", () => {

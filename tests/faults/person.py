@@ -38,6 +38,7 @@ from app.wire import (
     Panel,
     Ping,
     Pong,
+    Saves,
     Status,
     Submit,
     Superseded,
@@ -362,6 +363,8 @@ class Person:
             self._see("notice", "notice", message.text)
         elif isinstance(message, Panel):
             self._see("panel", "connected" if message.connected else "gone")
+        elif isinstance(message, Saves) and not message.works:
+            self._see("sign", "unsaved", message.text or "")
         elif isinstance(message, Superseded):
             self.ended = True
             self._see("sign", "superseded")

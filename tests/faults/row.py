@@ -114,6 +114,12 @@ def board(text: str, within_s: float) -> Sight:
     return Sight(f"dashboard “{text}”", lambda seen: seen.kind == "board" and text in seen.text, within_s)
 
 
+def trouble(kinds: tuple[str, ...], within_s: float) -> Sight:
+    """The dashboard says that the lab cannot save, and why."""
+    words = f"trouble {' or '.join(kinds)}"
+    return Sight(words, lambda seen: seen.kind == "trouble" and seen.name in kinds, within_s)
+
+
 def unhealthy(within_s: float) -> Sight:
     """The health route says that the lab cannot do its work."""
     return Sight("health 503", lambda seen: seen.kind == "health" and seen.name == "503", within_s)

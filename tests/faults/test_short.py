@@ -15,7 +15,6 @@ from tests.faults.table import FAULTS
 pytestmark = pytest.mark.slow
 
 SHORT = ("kill_worker", "locked", "kill_fork_server+worker", "kill_web")
-TOLD = ("kill_worker", "kill_fork_server+worker", "kill_web")
 
 
 async def test_a_lab_that_is_killed_and_locked_loses_nothing_doubles_nothing_and_moves_by_nothing_stale(
@@ -28,7 +27,7 @@ async def test_a_lab_that_is_killed_and_locked_loses_nothing_doubles_nothing_and
         for name in SHORT:
             done = await hit(stage, rows[name])
             assert done.problems == [], name
-            for sight in rows[name].participant if name in TOLD else ():
+            for sight in rows[name].participant:
                 seen = [one for one in person.memory.seen if one.at_s >= done.began_s and sight.is_it(one)]
                 assert seen, f"{name}: the participant was never told: {sight.words}"
         memory, record = await settled(stage, person)
