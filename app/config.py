@@ -85,6 +85,7 @@ class LabConfig:
     limits: Limits = field(default_factory=Limits)
     """What a client may cost the lab at most: the table below."""
     unsaved_pause_s: float = 60.0
-    """A session whose lab cannot save for this long, in seconds, is paused; before, it goes on by itself."""
+    """A session that cannot be saved, or gets no process, for this long, in seconds, is paused; before, it goes on by
+    itself."""
     worker_restarts: int = 3
     """How often a crashed worker is replaced within one trial before the session is paused for the experimenter."""

@@ -180,7 +180,7 @@ class SessionContext:
         if self.session.state == "paused":
             return Status(status="paused", reason=", ".join(sorted(self.session.causes)))
         if not self.link.ready:
-            return Status(status="recovering" if self.link.restarts else "starting")
+            return Status(status="recovering" if self.link.restarts or self.link.failed_starts else "starting")
         if not self.session.is_ticking:
             return Status(status="ready")
         if not self.saving.works:

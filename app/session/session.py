@@ -228,7 +228,7 @@ class LiveSession:
     @property
     def problem(self) -> str:
         """What keeps its worker from running, while it is being seen to; "" when nothing does."""
-        return self._link.problem if self._link.restarts and not self._link.ready else ""
+        return "" if self._link.ready else self._link.problem
 
     @property
     def held(self) -> bool:

@@ -170,11 +170,12 @@ class Transitions:
             await link.start(*needed)
         except Exception as error:
             log.exception("a worker could not be started", extra=about(participant=context.enrolment.participant))
-            link.could_not_start(f"cannot be started: {type(error).__name__}: {error}")
+            failing_s = link.could_not_start(f"cannot be started: {type(error).__name__}: {error}")
             event = context.event("worker_failed", "lab", {"reason": link.problem})
-            if link.restarts > context.services.config.worker_restarts:
-                await self._give_up(event)
-            else:
+            if failing_s > context.services.config.unsaved_pause_s:
+                link.wanted = False
+                await self.advance(Event("part_failed", f"the robot's process {link.problem}"), Batch(events=(event,)))
+            elif link.failed_starts == 1:
                 await context.commit(Batch(events=(event,)))
                 context.connections.show_status(context.status())
 

@@ -62,7 +62,8 @@ class WorkerLink:
         held: it waits for the page's heartbeat.
         asking: the part it was last heard to ask, while it has not answered.
         faulted: it ends because of its arbiter or inference, and has said so.
-        restarts: how many workers of this practice or trial ended by themselves or could not be started.
+        restarts: how many workers of this practice or trial ended by themselves.
+        failed_starts: how many could not be started since one could.
         problem: why the last of them did, if that is known.
         scene_port: port of its viser server on loopback, if it has a scene.
         spectator_port: port of the experimenters' viser server, while it is open.
@@ -83,6 +84,7 @@ class WorkerLink:
         self.faulted = False
         self.asking: Asking | None = None
         self.restarts = 0
+        self.failed_starts = 0
         self.problem = ""
         self.scene_port: int | None = None
         self.spectator_port: int | None = None
@@ -96,7 +98,7 @@ class WorkerLink:
         self._told = _Told()
         self._heard_s = 0.0
         self._worked: tuple[float, float] = (0.0, 0.0)
-        self._retry_s = 0.0
+        self._retry_s = self._failing_since_s = 0.0
 
     @property
     def is_up(self) -> bool:
@@ -130,13 +132,14 @@ class WorkerLink:
             spec, lambda report: self._report(epoch, report), lambda: self._on_exit(epoch)
         )
         self._heard_s = self._services.now_unix_s()
+        self.failed_starts = 0
 
     async def stop(self) -> None:
         """End the worker; the practice or trial it ran is over."""
         handle, self._handle, self._runs = self._handle, None, None
         self.epoch += 1
         self.ready, self.held, self.restarts, self.setup = False, False, 0, None
-        self.wanted, self.problem, self._retry_s = True, "", 0.0
+        self.wanted, self.problem, self.failed_starts, self._retry_s = True, "", 0, 0.0
         self.scene_port = self.spectator_port = None
         if handle is not None:
             await handle.stop()
@@ -148,15 +151,21 @@ class WorkerLink:
         self.scene_port = self.spectator_port = None
         self.restarts += 1
 
-    def could_not_start(self, problem: str) -> None:
-        """There is no process, and not because one has ended: the next try comes a little later each time."""
-        self.lost()
+    def could_not_start(self, problem: str) -> float:
+        """There is no process, and not because one has ended: the next try comes a little later each time. Returns for
+        how long it has been so, in seconds."""
+        now_s = self._services.now_unix_s()
+        if not self.failed_starts:
+            self._failing_since_s = now_s
+        self._handle, self.ready, self.held = None, False, False
+        self.failed_starts += 1
         self.problem = problem
-        self._retry_s = self._services.now_unix_s() + RETRIES_S[min(self.restarts, len(RETRIES_S)) - 1]
+        self._retry_s = now_s + RETRIES_S[min(self.failed_starts, len(RETRIES_S)) - 1]
+        return now_s - self._failing_since_s
 
     def anew(self) -> None:
         """Forget that workers have ended or could not be started: somebody lets the session go on."""
-        self.wanted, self.restarts, self.problem, self._retry_s = True, 0, "", 0.0
+        self.wanted, self.restarts, self.problem, self.failed_starts, self._retry_s = True, 0, "", 0, 0.0
 
     def kill(self, problem: str = "") -> None:
         """End it at once, without listening to it any more; its exit is reported."""

@@ -40,7 +40,7 @@ from study.flow.page import Text
 from study.flow.protocol import Session
 from study.flow.recorded import data_of, kind_of
 from study.records import EventRow, utc_text
-from study.store import WHAT_TO_DO, StoredSession, Trouble, UnreadableSession
+from study.store import WHAT_TO_DO, StoredSession, StoreTroubled, Trouble, UnreadableSession
 
 GAP_S = 0.1
 """Least time between two messages to one dashboard."""
@@ -257,7 +257,8 @@ class Stream:
             self._wake.clear()
             due = loop.time() - refreshed_s >= REFRESH_S
             if due or any(self._lab.live_session(one) is None or one not in self._known for one in changed):
-                changed = await self._look_up()
+                with contextlib.suppress(StoreTroubled):  # then they stay as they were, and `trouble` says why
+                    changed = await self._look_up()
                 refreshed_s = loop.time()
             if await self._send_overview(changed, is_sign_of_life=due or loop.time() - said_s >= ALIVE_S):
                 said_s = loop.time()

@@ -38,9 +38,11 @@ STOP_WITHIN_S = 3.0
 """A worker that has not ended by then is killed."""
 KILLED_WITHIN_S = 1.0
 """The end of a killed worker is believed by then, though its connection (which it may have given on) did not close."""
-START_WITHIN_S = 5.0
-"""A fork server that has given no worker by then hangs, unless it is still making its imports."""
-IMPORTS_WITHIN_S = 20.0
+LOOK_EVERY_S = 0.25
+IDLE_S = 2.0
+"""A fork server that was asked for a worker and does nothing for so long hangs."""
+BUSY_S = 20.0
+"""One that works may still be making its imports, but not for ever."""
 
 
 def worker_context(robot: str) -> ForkServerContext:
@@ -80,18 +82,23 @@ class VitalSigns:
     cpu_s: float
 
 
+def vital_signs(pid: int | None) -> VitalSigns | None:
+    """From the kernel's table of processes; None on machines that have it elsewhere, and for no process."""
+    try:
+        line = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
+        fields = line.rpartition(")")[2].split()
+        return VitalSigns(fields[0] in "Tt", (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"))
+    except (OSError, ValueError, IndexError):
+        return None
+
+
 class ForkServerHangs(LabError):
     """The process that workers come from gave none; it has been ended, and the next one comes from another."""
-
-
-_fork_server_since_s: dict[int, float] = {}
-"""Process ids of the fork server and when it was first seen, on the monotonic clock; at most one."""
 
 
 def tend_fork_server() -> None:
     """Start another fork server when the present one died: then its imports are made before a worker is needed."""
     multiprocessing.forkserver.ensure_running()
-    _fork_server_age_s()
 
 
 def _fork_server_pid() -> int | None:
@@ -100,23 +107,28 @@ def _fork_server_pid() -> int | None:
     return pid
 
 
-def _fork_server_age_s() -> float:
-    """How long ago the present fork server was first seen, in seconds."""
-    pid = _fork_server_pid()
-    if pid is None:
-        return 0.0
-    if pid not in _fork_server_since_s:
-        _fork_server_since_s.clear()
-        _fork_server_since_s[pid] = time.monotonic()
-    return time.monotonic() - _fork_server_since_s[pid]
+class _ForkServerWatch:
+    """Whether the fork server does something about a worker that it was asked for."""
 
+    def __init__(self) -> None:
+        self._asked_s = self._worked_s = time.monotonic()
+        self._cpu_s = -1.0
 
-def _end_fork_server() -> None:
-    pid = _fork_server_pid()
-    if pid is not None:
+    def hangs(self) -> bool:
+        """Whether it will give none. To be asked a few times a second."""
+        now_s, signs = time.monotonic(), vital_signs(_fork_server_pid())
+        if signs is not None and signs.cpu_s != self._cpu_s:
+            self._cpu_s, self._worked_s = signs.cpu_s, now_s
+        is_idle = signs is not None and now_s - self._worked_s > IDLE_S
+        return is_idle or now_s - self._asked_s > BUSY_S
+
+    def end(self) -> None:
+        """End it: the next worker comes from another one."""
+        pid = _fork_server_pid()
         log.error("the process that workers come from hangs and is ended")
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+        if pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 def _try_robot(robot: str, connection: Connection) -> None:
@@ -216,15 +228,14 @@ class WorkerProcess:
     async def start(self) -> None:
         """Start the process and listen to it. Raises `ForkServerHangs`, or what the machine says."""
         starting = asyncio.ensure_future(asyncio.to_thread(self._process.start))
+        watch = _ForkServerWatch()
         try:
-            done, _ = await asyncio.wait({starting}, timeout=START_WITHIN_S)
-            if not done and _fork_server_age_s() < IMPORTS_WITHIN_S:
-                done, _ = await asyncio.wait({starting}, timeout=IMPORTS_WITHIN_S)
-            if not done:
-                await asyncio.to_thread(_end_fork_server)  # which ends the waiting too
-                with suppress(Exception):
-                    await starting
-                raise ForkServerHangs("the process that workers come from hung and was ended")
+            while not (await asyncio.wait({starting}, timeout=LOOK_EVERY_S))[0]:
+                if watch.hangs():
+                    watch.end()  # which ends the waiting too
+                    with suppress(Exception):
+                        await starting
+                    raise ForkServerHangs("the process that workers come from hung and was ended")
             await starting
         except BaseException:
             self._connection.close()  # a worker that came too late has nobody to serve, and ends
@@ -258,14 +269,8 @@ class WorkerProcess:
         self._loop.call_later(KILLED_WITHIN_S, self._ended)
 
     def vital_signs(self) -> VitalSigns | None:
-        """From the kernel's table of processes; None on machines that have it elsewhere."""
-        try:
-            fields = (
-                Path(f"/proc/{self.pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
-            )
-            return VitalSigns(fields[0] in "Tt", (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"))
-        except (OSError, ValueError, IndexError):
-            return None
+        """What the machine says of the process."""
+        return vital_signs(self.pid)
 
     def _read(self) -> None:
         try:

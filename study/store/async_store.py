@@ -39,6 +39,8 @@ RETRIES_S = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Pauses between tries; the last one goes on."""
 LOOK_EVERY_S = 0.5
 """How often the files are looked for, whether or not anything is written."""
+READ_BACK_EVERY_S = 1.0
+"""How often what was written is read back from the disk."""
 TRY_EVERY_S = 5.0
 """How often something is written while nobody has anything to write; every second while that does not work."""
 RESCUE_EVERY_S = 10.0
@@ -77,6 +79,7 @@ class AsyncStore:
         self._kept: dict[int, Callable[[Store], Any]] = {}
         self._rescued: set[int] = set()
         self._numbers = 0
+        self._damage: StoreTroubled | None = None
         self._wrote_s = -math.inf
         self._rescue_tried_s = -math.inf
         self._rescuing: asyncio.Task[None] | None = None
@@ -193,6 +196,8 @@ class AsyncStore:
             return
         if not self.store.in_place:
             raise StoreTroubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
+        if self._damage is not None:
+            raise self._damage
         self._wrote_s = self.now_s()
         if self.trouble is not None and not self._overdue():
             self._well()
@@ -238,10 +243,13 @@ class AsyncStore:
 
     async def _look(self) -> None:
         """Look whether the files are there and can be written while nobody has anything to write."""
-        tried_s = self.now_s()
+        tried_s = read_s = self.now_s()
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
             now_s = self.now_s()
+            if now_s - read_s >= READ_BACK_EVERY_S and self.store.in_place:
+                read_s = now_s
+                await self._read_back()
             if not self.store.in_place:
                 self._troubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
             elif self._kept or self._waiting:
@@ -254,6 +262,19 @@ class AsyncStore:
                     self._troubled(error.kind, str(error))
                 except Exception:
                     log.exception("whether the lab can save could not be told")
+
+    async def _read_back(self) -> None:
+        """Damage is a trouble until what is there can be read again: writing may go on as if nothing was."""
+        try:
+            await self.read(lambda store: store.read_back())
+        except StoreTroubled as error:
+            if error.kind == "corrupt":
+                self._damage = error
+                self._troubled(error.kind, str(error))
+        except Exception:
+            log.exception("what was written could not be read back")
+        else:
+            self._damage = None
 
     # ---- a database that is gone --------------------------------------------------------------------------------
 

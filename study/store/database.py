@@ -165,6 +165,23 @@ class Database:
             number = connection.exec_driver_sql("PRAGMA user_version").scalar_one()
             connection.exec_driver_sql(f"PRAGMA user_version={int(number)}")
 
+    def read_back(self) -> None:
+        """Read the newest row of each table from the disk, past what SQLite keeps of it in memory.
+
+        It goes on writing to a file that something else has written over, from what it remembers. Raises
+        `StoreTroubled` when what is there is damaged.
+        """
+        try:
+            with closing(self._connect()) as connection:
+                for table in METADATA.sorted_tables:
+                    connection.execute(f'SELECT * FROM "{table.name}" ORDER BY rowid DESC LIMIT 1').fetchall()
+        except sqlite3.Error as error:
+            kind = kind_of(str(error))
+            if kind is None:
+                raise StoreError(f"{self.path}: {error}") from error
+            self._must_be_in_place()
+            raise StoreTroubled(kind, f"{self.path}: {error}") from error
+
     def copy_out(self, path: Path) -> None:
         """Write all of it to a new file, also when its own has no name any more: what is open can still be read.
 

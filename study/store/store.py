@@ -60,6 +60,10 @@ class Store:
         """Write what changes nothing. Raises `StoreTroubled` when the disk does not do."""
         self._database.try_to_write()
 
+    def read_back(self) -> None:
+        """Read the newest rows from the disk. Raises `StoreTroubled` when what is there is damaged."""
+        self._database.read_back()
+
     def rescue(self, utc: str) -> Path:
         """Copy everything to a new data folder where one can be made: beside the old one, at home, or where temporary
         files go. Works for a database whose file was deleted. Raises `StoreError` when no place takes it."""

@@ -172,9 +172,10 @@ async def test_another_worker_is_told_again_what_it_is_to_do(machine: Machine) -
 
 
 def test_one_that_could_not_be_started_is_tried_again_later_and_later(machine: Machine) -> None:
-    waits_s = []
+    waits_s: list[float] = []
     for _ in range(5):
-        machine.link.could_not_start("no memory")
+        failing_s = machine.link.could_not_start("no memory")
+        assert failing_s == pytest.approx(sum(waits_s), abs=0.5)
         waited_s = 0.0
         while not machine.link.may_start:
             machine.passes(0.1)

@@ -154,6 +154,27 @@ async def test_trouble_is_noticed_while_nobody_writes(store: AsyncStore, tmp_pat
     await told.until(lambda trouble: trouble is None)
 
 
+def write_over(path: Path) -> None:
+    """All but its first page."""
+    with path.open("r+b") as file:
+        size = file.seek(0, 2)
+        file.seek(4096)
+        file.write(bytes(size - 4096))
+
+
+async def test_a_file_that_is_written_over_is_noticed_and_nothing_acknowledged(store: AsyncStore) -> None:
+    """SQLite itself goes on, from what it remembers of the file."""
+    await store.run(one_event("before"))
+    told = Told(store)
+    store.watch()
+    for ending in ("", "-wal"):
+        write_over(Path(f"{store.store.path}{ending}"))
+    trouble = await told.until(lambda trouble: trouble is not None)
+    assert trouble is not None and trouble.kind == "corrupt"
+    with pytest.raises(StoreTroubled):
+        await store.run(one_event("after"))
+
+
 # ---- a data folder that is gone
 
 
