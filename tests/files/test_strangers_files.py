@@ -388,7 +388,11 @@ def test_a_translation_that_costs_too_much_or_would_be_changed_is_one_line(old: 
     assert why in first.sentence and "\n" not in first.sentence
 
 
-@pytest.mark.parametrize("raw", [b"", b"no gzip", gzip.compress(b"{}"), gzip.compress(b"[" * 9_999), BOMB])
+@pytest.mark.parametrize(
+    "raw",
+    [b"", b"no gzip", gzip.compress(b"{}"), gzip.compress(b"[" * 9_999), BOMB],
+    ids=["nothing", "no gzip", "no study", "deep", "bomb"],  # gzip's bytes have the time of day in them
+)
 def test_a_kept_study_that_is_none_is_one_line(tmp_path: Path, raw: bytes) -> None:
     (tmp_path / "study-0000.json.gz").write_bytes(raw)
     with pytest.raises(LabError, match=r"study-0000\.json\.gz: is no finished study: .*; remove it"):
