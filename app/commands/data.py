@@ -27,6 +27,9 @@ def export(
         bool, typer.Option("--zip", help="write one archive instead: OUT, with .zip at its end")
     ] = False,
     pilot: Annotated[bool, typer.Option("--pilot", help="pilot participants too")] = False,
+    excel_safe: Annotated[
+        bool, typer.Option("--excel-safe", help="no cell of the CSV begins what a spreadsheet would run")
+    ] = False,
 ) -> None:
     """Write the data as a data package (CSV, Parquet, descriptions).
 
@@ -39,7 +42,7 @@ def export(
     if as_archive and out.suffix != ".zip":
         out = out.with_name(out.name + ".zip")
     with open_store(data, must_exist=True) as store:
-        (export_zip if as_archive else export)(store, out, include_pilot=pilot)
+        (export_zip if as_archive else export)(store, out, include_pilot=pilot, excel_safe=excel_safe)
     print(f"exported to {out}")
 
 

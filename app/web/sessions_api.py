@@ -27,6 +27,7 @@ from study.store import WHAT_TO_DO, StoredSession, UnreadableSession
 
 MAX_INVITATIONS = 200
 
+ExcelSafe = Annotated[bool, Query(description="Whether no cell of the CSV may begin what a spreadsheet would run.")]
 IncludePilot = Annotated[bool, Query(description="Whether pilots are in it too.")]
 
 
@@ -320,12 +321,14 @@ _command_route("abort", "End the session for good; its data stay.", True)
     response_class=FileResponse,
     responses={200: {"description": "A file, application/zip", "content": {"application/zip": {}}}},
 )
-async def export(lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False) -> FileResponse:
+async def export(
+    lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False, excel_safe: ExcelSafe = False
+) -> FileResponse:
     """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
     folder = tempfile.TemporaryDirectory(prefix="salab-export-")
     path = Path(folder.name) / "export.zip"
     await asyncio.to_thread(  # beside the writing thread: ticks do not wait for it
-        export_zip, lab.store.store, path, include_pilot=include_pilot
+        export_zip, lab.store.store, path, include_pilot=include_pilot, excel_safe=excel_safe
     )
     return FileResponse(
         path,

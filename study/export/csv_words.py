@@ -28,6 +28,9 @@ _NOTHING = frozenset(
 """What pandas reads as nothing, beside an empty cell."""
 _TRUTH = frozenset({"true", "false"})
 _FORMULA = tuple("=+-@＝＋－＠")
+_FORMULA_AT_THE_START = re.compile(r"[\t\r\n]|[\s\"']*[=+\-@＝＋－＠]")
+_FORMULA_INSIDE = re.compile(r"[;|\t\r\n][\s\"']*[=+\-@＝＋－＠]")
+_ESCAPED = {ord(one): f"\\u{ord(one):04x}" for one in _FORMULA}
 _DATE_LIKE = re.compile(r"[0-9][0-9\s./:,-]*")
 """Digits and marks: a date, a time or a number in one country or another."""
 MAX_PLAIN_DIGITS = 15
@@ -38,6 +41,24 @@ MAX_PLAIN_DIGITS = 15
 def cell_of(text: str) -> str:
     """The cell of a text."""
     return json.dumps(text, ensure_ascii=False) if _is_misread(text) else text
+
+
+@lru_cache(maxsize=65_536)
+def excel_safe_cell_of(text: str, words: bool = True) -> str:
+    """The cell of a text in an export that spreadsheets open: nothing in it is run, whatever its column, whatever
+    character this spreadsheet parts cells at. `words`: the column's texts are quoted for other readers too.
+
+    What would begin with a formula's character does not: it is quoted as JSON. Where such a character follows a
+    semicolon, a tab, a bar or a line end, at which some spreadsheets part cells even within quotes, it is escaped as
+    JSON has it. `text_of` reads both back.
+    """
+    quoted = words and _is_misread(text)
+    begins = bool(_FORMULA_AT_THE_START.match(text)) and not _is_plain_number(text)
+    inside = bool(_FORMULA_INSIDE.search(text))
+    if not (quoted or begins or inside or text.startswith('"')):
+        return text
+    cell = json.dumps(text, ensure_ascii=False)
+    return cell.translate(_ESCAPED) if inside else cell
 
 
 def text_of(cell: str) -> str:

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
 from study.export.cell_bounds import bounds_of, within_bounds
-from study.export.csv_words import cell_of, text_of
+from study.export.csv_words import cell_of, excel_safe_cell_of, text_of
 from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
 from study.export.placing import put_in_place, work_folder
 from study.json_text import parse_json, whole_number
@@ -45,6 +45,8 @@ META_NAME = "meta.json"
 FORMAT = "shared-autonomy-lab export"
 WORDS = "json where quoted"
 """How words stand in the CSV (`study.export.csv_words`); exports that do not say so have them bare."""
+EXCEL_SAFE = "json where quoted, in every column of text"
+"""The same, where `excel_safe` was asked for."""
 MOST_META_BYTES = 5_000_000
 AS_SAVED = "a spreadsheet has saved it with ; between the cells, and may have changed numbers; export the data again"
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
@@ -94,16 +96,19 @@ def export(
     *,
     include_demo: bool = False,
     include_pilot: bool = False,
+    excel_safe: bool = False,
     told: Told | None = None,
 ) -> dict[str, int]:
     """Write everything recorded as a folder; rows per table. Demo and pilot participants only when asked for.
 
     The folder is there whole or not at all. An earlier export in its place is replaced; raises `ExportError` when
-    anything else is there. `told` is called with what is being written.
+    anything else is there. `excel_safe`: no cell of the CSV begins what a spreadsheet would run. `told` is called with
+    what is being written.
     """
     with store.snapshot() as recorded:
         tables, studies, meta = _contents(recorded, include_demo, include_pilot)
-        return _write_whole(Path(out_dir), tables, studies, meta, told, store.path.parent)
+        words = EXCEL_SAFE if excel_safe else WORDS
+        return _write_whole(Path(out_dir), tables, studies, meta, told, store.path.parent, words)
 
 
 def export_zip(
@@ -112,6 +117,7 @@ def export_zip(
     *,
     include_demo: bool = False,
     include_pilot: bool = False,
+    excel_safe: bool = False,
     told: Told | None = None,
 ) -> dict[str, int]:
     """The same files as one archive, which replaces an earlier one; rows per table.
@@ -126,7 +132,7 @@ def export_zip(
             folder, archive = work / "files", work / "archive.zip"
             folder.mkdir(mode=0o700)
             tables, studies, meta = _contents(recorded, include_demo, include_pilot)
-            counts = _write(folder, tables, studies, meta, told)
+            counts = _write(folder, tables, studies, meta, told, EXCEL_SAFE if excel_safe else WORDS)
             if told is not None:
                 told("the archive", 0)
             archive.touch(0o600)
@@ -191,7 +197,7 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
     known = columns(table)
     later = {item.name for item in fields(TABLES[table]) if item.default is not MISSING}
     folder = Path(in_dir)
-    quoted = read_meta(folder).get("words") == WORDS
+    words = str(read_meta(folder).get("words", ""))
     path = folder / f"{table}.csv"
     try:
         with opened_table(path, within=folder) as raw, table_text(raw) as file:
@@ -204,7 +210,7 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
             if missing:
                 raise ExportError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
             row_type = TABLES[table]
-            cells = [(info.name, header.index(info.name), _reader(info, quoted)) for info in infos]
+            cells = [(info.name, header.index(info.name), _reader(info, words)) for info in infos]
             whose, keys = header.index("participant"), set()
             for line in reader:
                 if not line:
@@ -215,7 +221,7 @@ def rows_of_table(in_dir: Path | str, table: str, participant: str | None = None
                     row = row_type(**{name: parse(line[position]) for name, position, parse in cells})
                 except (ValueError, IndexError):
                     # `line_num` is the last line of the row: cells may hold line breaks.
-                    raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line, quoted)}") from None
+                    raise ExportError(f"{path}:{reader.line_num}: {_complaint(infos, header, line, words)}") from None
                 key = tuple(getattr(row, name) for name in KEYS.get(table, ()))
                 if key and key in keys:
                     named = ", ".join(f"{name} {value}" for name, value in zip(KEYS[table], key, strict=True))
@@ -336,13 +342,14 @@ def _write_whole(
     meta: Mapping[str, Any],
     told: Told | None = None,
     data_dir: Path | None = None,
+    words: str = WORDS,
 ) -> dict[str, int]:
     place = check_place(out_dir)
     try:
         with work_folder(place.parent, data_dir) as work:
             folder = work / "files"
             folder.mkdir(mode=0o700)
-            counts = _write(folder, tables, studies, meta, told)
+            counts = _write(folder, tables, studies, meta, told, words)
             put_in_place(folder, place)
     except OSError as error:
         raise ExportError(f"{out_dir}: cannot be written: {error.strerror or error}") from None
@@ -355,10 +362,11 @@ def _write(
     studies: Mapping[str, str],
     meta: Mapping[str, Any],
     told: Told | None,
+    words: str,
 ) -> dict[str, int]:
-    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": WORDS}
+    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": words}
     unwritten: dict[str, dict[str, int]] = {}
-    counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten, told) for table in TABLES}
+    counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten, told, words) for table in TABLES}
     written = [f"{table}.{extension}" for extension in ("csv", "parquet") for table in TABLES]
     with (folder / "codebook.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_codebook_lines())
@@ -393,7 +401,12 @@ def _put(folder: Path, name: str, text: str) -> None:
 
 
 def _write_table(
-    folder: Path, table: str, rows: Iterable[Any], unwritten: dict[str, dict[str, int]], told: Told | None
+    folder: Path,
+    table: str,
+    rows: Iterable[Any],
+    unwritten: dict[str, dict[str, int]],
+    told: Told | None,
+    words: str,
 ) -> int:
     """Write the rows as CSV and Parquet while they stream by; how many there were.
 
@@ -425,7 +438,7 @@ def _write_table(
                     continue
                 cells = _cells(batch, fields, casts)
                 arrays = parquet.arrays(cells)
-            shown = [_words(column) if info.words else column for info, column in zip(infos, cells, strict=True)]
+            shown = [_shown(info, column, words) for info, column in zip(infos, cells, strict=True)]
             lines.writerows(zip(*shown, strict=True))
             parquet.add(arrays)
             count += len(batch)
@@ -464,8 +477,16 @@ def _writable(
             yield row
 
 
-def _words(column: list[Any]) -> list[str | None]:
-    return [None if text is None else cell_of(text) for text in column]
+def _shown(info: ColumnInfo, column: list[Any], words: str) -> list[Any]:
+    """A column's cells as they stand in the CSV."""
+    if words == EXCEL_SAFE and info.type == "str":
+        return [None if text is None else excel_safe_cell_of(text, info.words) for text in column]
+    return [None if text is None else cell_of(text) for text in column] if info.words else column
+
+
+def _is_quoted(info: ColumnInfo, words: str) -> bool:
+    """Whether cells of this column may be JSON, in an export whose `meta.json` says this of its words."""
+    return (info.words and words in (WORDS, EXCEL_SAFE)) or (info.type == "str" and words == EXCEL_SAFE)
 
 
 def _codebook_lines() -> Iterator[tuple[str, ...]]:
@@ -482,20 +503,20 @@ def _codebook_lines() -> Iterator[tuple[str, ...]]:
         )
 
 
-def _reader(info: ColumnInfo, quoted: bool = True) -> Callable[[str], Any]:
-    """What turns a cell of this column into its value; blank is None where it may be. `quoted`: words may be JSON."""
-    parse = within_bounds(info, text_of if info.words and quoted else _PARSERS[info.type])
+def _reader(info: ColumnInfo, words: str = WORDS) -> Callable[[str], Any]:
+    """What turns a cell of this column into its value; blank is None where it may be. `words`: as `meta.json` says."""
+    parse = within_bounds(info, text_of if _is_quoted(info, words) else _PARSERS[info.type])
     return (lambda cell: None if cell == "" else parse(cell)) if info.optional else parse
 
 
-def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str], quoted: bool) -> str:
+def _complaint(infos: tuple[ColumnInfo, ...], header: list[str], line: list[str], words: str) -> str:
     """What is wrong with a row that could not be read."""
     for info in infos:
         position = header.index(info.name)
         if position >= len(line):
             return f"the row ends before column {info.name}; export the data again"
         try:
-            _reader(info, quoted)(line[position])
+            _reader(info, words)(line[position])
         except ValueError:
             value = reprlib.repr(line[position]) if line[position] else "blank"
             return f"{info.name} is {value}, must be {bounds_of(info)}"
