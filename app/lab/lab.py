@@ -165,6 +165,8 @@ class Lab:
         that cannot be made.
         """
         check_strength(self.experimenter_token)
+        if self.metrics_token is not None:
+            check_strength(self.metrics_token, "the metrics' token")
         study = open_study(self.config.study_file, self.config.trust)
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)

@@ -27,8 +27,8 @@ def token_hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-def check_strength(token: str) -> None:
-    """Raises `LabError` for an experimenter's token that somebody could guess; it opens everything.
+def check_strength(token: str, name: str = "the experimenter's token") -> None:
+    """Raises `LabError` for a token that somebody could guess; the experimenter's opens everything.
 
     The bits of a text are estimated from how unevenly its characters, and the steps from each to the next, are
     distributed; of one that repeats itself, only its unit counts. A made one has far more.
@@ -42,7 +42,7 @@ def check_strength(token: str) -> None:
         wrong = f"can be guessed: about {bits:.0f} bits, at least {LEAST_TOKEN_BITS} are needed"
     if wrong:
         raise LabError(
-            f"the experimenter's token {wrong}. Make one with: python3 -c 'import secrets; "
+            f"{name} {wrong}. Make one with: python3 -c 'import secrets; "
             "print(secrets.token_urlsafe(24))', or set none and the lab makes one"
         )
 

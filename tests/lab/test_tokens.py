@@ -37,6 +37,12 @@ def test_a_token_that_can_be_guessed_is_refused_with_how_to_make_one(token: str,
     assert not (tmp_path / "data").exists()
 
 
+def test_so_is_one_for_the_metrics(tmp_path: Path) -> None:
+    with pytest.raises(LabError, match="the metrics' token has 6 characters"):
+        Lab(LabConfig(data_dir=tmp_path / "data"), metrics_token="letme1").prepare()
+    assert not (tmp_path / "data").exists()
+
+
 def test_tokens_that_were_made_are_taken() -> None:
     for _ in range(2000):
         check_strength(new_token())
