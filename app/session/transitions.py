@@ -5,6 +5,7 @@ Everything is on disk before it is shown, and shown before the next thing is dea
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable
 from dataclasses import replace
@@ -381,4 +382,9 @@ class Transitions:
         row = replace(row, outcome=outcome, ticks=ticks, overruns=overruns, finished_utc=ended_utc)
         expired = sum(alert.status == "expired" for alert in running.distractor.alerts)
         stimuli, rules = context.services.distractor.words.many, context.services.study.quality
-        return judged(row, (*stored, *context.noticed), expired, rules, stimuli, context.vitals.frees)
+        try:
+            return judged(row, (*stored, *context.noticed), expired, rules, stimuli, context.vitals.frees)
+        except Exception as error:  # a trial ends, whatever its record holds
+            log.exception("a trial could not be judged", extra=about(participant=participant, trial=trial))
+            reason = f"it could not be judged: {type(error).__name__}: {error}"
+            return replace(row, quality="suspect", quality_broken=json.dumps([reason]))

@@ -87,3 +87,25 @@ def test_paused_page_goes_on_when_the_participant_says_so(page: Page, lab: FakeL
     page.get_by_test_id("resume-button").click()
     lab.wait_submit("resume")
     page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+
+
+UNSAVED = "The lab cannot save at the moment. Nothing is lost. Please wait: it goes on by itself."
+
+
+def test_a_lab_that_cannot_save_is_told_on_every_page_until_it_can(page: Page, lab: FakeLab) -> None:
+    driving(page, lab)
+    lab.send({"type": "saves", "works": False, "text": UNSAVED})
+    lab.send({"type": "status", "status": "held", "reason": UNSAVED})
+    notice = page.get_by_role("alert").filter(has_text=UNSAVED)
+    notice.wait_for()
+    sign = page.locator("[data-testid=state-sign][data-state=unsaved]")
+    sign.wait_for()
+    assert "The robot stands still" in sign.inner_text()
+    lab.show("survey")
+    page.get_by_test_id("page-survey").wait_for()
+    assert notice.is_visible()
+    lab.show("trial")
+    lab.send({"type": "saves", "works": True, "text": None})
+    lab.send({"type": "status", "status": "running", "reason": None})
+    page.locator("[data-testid=state-sign][data-state=running]").wait_for()
+    assert page.get_by_test_id("unsaved").is_hidden()

@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.lab_server import LabServer
+from tests.support.locked_database import locked
 from tests.support.wire_client import events, invite, read, visit
 
 if TYPE_CHECKING:
@@ -47,6 +48,21 @@ def driving(link: str, ticks: int) -> Iterator[None]:
     finally:
         enough.set()
         thread.join(WITHIN_MS / 1000.0)
+
+
+def test_the_dashboard_says_that_the_lab_cannot_save(page: Page, quick_lab: LabServer) -> None:
+    invite(quick_lab)
+    page.goto(quick_lab.experimenter_link)
+    part(page, "sessions").wait_for(timeout=WITHIN_MS)
+    notice = part(page, "lab-trouble")
+    with locked(quick_lab.data_dir):
+        answer = httpx.post(
+            f"{quick_lab.base_url}/api/participants", headers=quick_lab.headers, json={}, trust_env=False, timeout=10.0
+        )
+        assert answer.status_code == 503 and "Another program keeps the database locked" in answer.text
+        notice.wait_for(timeout=WITHIN_MS)
+        assert "Another program keeps the database locked" in notice.inner_text()
+    expect(notice).to_be_hidden(timeout=WITHIN_MS)
 
 
 def opened(page: Page, lab: LabServer, participant: str) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import sqlite3
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import closing
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +18,10 @@ from app.worker.process import WorkerProcess
 from tests.support.dashboard_client import dashboard
 from tests.support.lab_server import LabServer
 from tests.support.local_lab import RIGHT, LocalPage, in_first_trial, lab_in_here
+from tests.support.locked_database import locked
 from tests.support.wire_client import Player, command, events, invite, seen_by_experimenter, stored, visit
 
 pytestmark = pytest.mark.slow
-
-
-@contextlib.contextmanager
-def locked(data_dir: Path) -> Iterator[None]:
-    """Another program writes to the database, and does not end."""
-    with closing(sqlite3.connect(data_dir / "lab.sqlite", isolation_level=None)) as other:
-        other.execute("BEGIN IMMEDIATE")
-        yield
-        other.execute("ROLLBACK")
 
 
 async def test_a_database_that_is_locked_holds_the_robot_and_lets_it_go_on(quick_lab: LabServer) -> None:
@@ -217,6 +207,20 @@ async def test_an_error_on_the_way_to_an_effect_leaves_no_dead_session(
             session.receive(page, Input(seq=seq, client_ms=0.0, direction=RIGHT))
     rows = lab.store.store.rows_of("ticks", participant)
     assert [row.tick for row in rows] == list(range(len(rows)))
+
+
+async def test_a_trial_that_cannot_be_judged_ends_all_the_same(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, page, participant = await driven(lab)
+
+    def cannot(*arguments: Any) -> None:
+        raise ArithmeticError("no number")
+
+    monkeypatch.setattr("app.session.transitions.judged", cannot)
+    await lab.command(participant, Command("abort_trial", "too long"), "AB")
+    await page.until(Page, state="survey")
+    (row,) = lab.store.store.rows_of("trials", participant)
+    assert (row.outcome, row.quality) == ("aborted", "suspect")
+    assert "could not be judged: ArithmeticError: no number" in row.quality_broken
 
 
 async def test_a_queue_that_ended_is_begun_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ import pytest
 import sqlalchemy as sql
 
 from study.store import AsyncStore, Batch, Store, StoreTroubled, Trouble, TroubleKind, open_store
+from tests.support.locked_database import locked
 from tests.support.study_samples import UTC, event_row, shipped_study
 
 PARTICIPANT = "P001"
@@ -56,14 +57,6 @@ def kinds_in(folder: Path) -> list[str]:
 
 
 @contextmanager
-def locked(store: Store) -> Iterator[None]:
-    with closing(sqlite3.connect(store.path, isolation_level=None)) as other:
-        other.execute("BEGIN IMMEDIATE")
-        yield
-        other.execute("ROLLBACK")
-
-
-@contextmanager
 def full(store: Store) -> Iterator[None]:
     """As many pages as it has, and no room in those for more."""
     with on_every_connection(store, "PRAGMA max_page_count=1", "PRAGMA max_page_count=1000000"):
@@ -94,7 +87,7 @@ def moved(store: Store) -> Iterator[None]:
     elsewhere.rename(folder)
 
 
-TROUBLES = {"locked": locked, "full": full, "read_only": read_only, "gone": moved}
+TROUBLES = {"locked": lambda store: locked(store.path.parent), "full": full, "read_only": read_only, "gone": moved}
 
 
 @pytest.mark.parametrize("kind", TROUBLES)
@@ -132,7 +125,7 @@ async def test_what_takes_long_is_told_and_blames_nobody(store: AsyncStore) -> N
 
 
 async def test_reading_does_not_wait_for_what_is_being_written(store: AsyncStore) -> None:
-    with locked(store.store):
+    with locked(store.store.path.parent):
         kept = asyncio.create_task(store.keep(one_event("kept")))
         assert await store.read(lambda opened: opened.session(PARTICIPANT).participant) == PARTICIPANT
         assert not kept.done()
