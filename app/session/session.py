@@ -18,7 +18,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from app.monitoring.log_lines import about
@@ -26,6 +26,7 @@ from app.session import pages
 from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
 from app.session.connections import Connections, panel_page, refuse
 from app.session.context import SessionContext
+from app.session.hands import Hands
 from app.session.history import History
 from app.session.interfaces import Client, Enrolment, LabServices, Resumed, Vitals
 from app.session.private_text import apart
@@ -39,14 +40,11 @@ from app.session.worker_link import WorkerLink
 from app.trial.labels import Labels
 from app.trial.values import TrialSetup, TrialView
 from app.wire import Heartbeat, Input, Message, Pong
-from app.worker.messages import ControlsState, WorkerReport
+from app.worker.messages import WorkerReport
 from study.flow.protocol import Event, Session
 from study.store import Batch, Trouble
 
 log = logging.getLogger(__name__)
-
-MAX_SEQ_STEP = 1_000_000
-"""Inputs may be numbered with gaps, but one number must not use up all that come after it."""
 
 
 @dataclass
@@ -87,6 +85,7 @@ class LiveSession:
             last_seq=resumed.last_seq,
         )
         self._transitions = Transitions(self._context)
+        self._hands = Hands(self._context)
         self._submissions = Submissions(self._context, self._transitions)
         self._task: asyncio.Task[None] | None = None
         self._promised: set[asyncio.Future[None]] = set()
@@ -134,7 +133,7 @@ class LiveSession:
         """A page sent a message. The state of the hands does not wait in the queue. Of the others, `dealt` tells when
         it has been dealt with: whoever reads the page's messages need not read more than fit."""
         if isinstance(message, (Input, Heartbeat)):
-            self._on_hands(client, message)
+            self._hands.on_hands(client, message)
         else:
             self._queue.put_nowait(_Work("message", message, client, dealt))
 
@@ -428,50 +427,6 @@ class LiveSession:
             if round_trip_ms is not None:
                 self.vitals.round_trip_ms = round_trip_ms
                 self._context.notice("round_trip", "lab", {"ms": round(round_trip_ms, 1)})
-
-    # ---- hands --------------------------------------------------------------------------------------------------
-
-    def _on_hands(self, client: Client, message: Input | Heartbeat) -> None:
-        context = self._context
-        if client.role != "participant":
-            refuse(client, "illegal", "type", "the second device does not drive the robot")
-        elif not self._connections.holds(client):
-            pass  # taken over, or not let in yet: the page says its state again with the next heartbeat
-        elif isinstance(message, Heartbeat):
-            self._on_heartbeat(message)
-        elif not context.last_seq < message.seq <= context.last_seq + MAX_SEQ_STEP:
-            text = (
-                f"seq {message.seq} does not follow {context.last_seq}, the last one taken "
-                f"(at most {MAX_SEQ_STEP} may be left out); it was ignored"
-            )
-            refuse(client, "out_of_order", "seq", text)
-        else:
-            context.history.heard(self._services.now_unix_s())
-            context.last_seq = message.seq
-            self._on_input(client, message)
-
-    def _on_heartbeat(self, message: Heartbeat) -> None:
-        context, vitals = self._context, self.vitals
-        context.history.heard(self._services.now_unix_s())
-        before = replace(vitals)
-        vitals.visible, vitals.focused, vitals.device = message.visible, message.focused, message.device
-        if message.focused != before.focused and before.focused is not None:
-            context.notice("focus_back" if message.focused else "focus_lost", "participant", {})
-        if vitals != before:
-            self._services.changed(self.enrolment.participant)
-        if self.enrolment.pace == "real_time":
-            # It repeats an input, so it cannot be ahead of the last one: that one was lost with the connection.
-            seq = min(message.seq, context.last_seq)
-            self._link.send(ControlsState(seq, None if context.is_away() else message.direction, beat=True))
-
-    def _on_input(self, client: Client, message: Input) -> None:
-        context = self._context
-        if self.enrolment.pace == "lockstep" and not (context.session.is_ticking and self._link.ready):
-            text = f"no tick can run in state {context.session.state!r} now; the input was ignored"
-            refuse(client, "illegal", "type", text)
-            return
-        direction, pressed = (None, None) if context.is_away() else (message.direction, message.gripper)
-        self._link.send(ControlsState(message.seq, direction, pressed))
 
     # ---- the experimenter ---------------------------------------------------------------------------------------
 

@@ -48,6 +48,30 @@ async def test_a_worker_that_hangs_is_replaced_and_holds_up_nobody(quick_lab: La
     assert not events(quick_lab, made["participant"], "replay_mismatch")
 
 
+@pytest.mark.slow
+async def test_a_fork_server_that_is_killed_takes_no_session_with_it_and_is_replaced(
+    start_lab: Callable[..., LabServer], tmp_path: Path
+) -> None:
+    study = write_study(tmp_path)
+    lab = start_lab("--robot", "kinematic", "--pace", "lockstep", "--no-scene", "--study", str(study))
+    made = invite(lab)
+    async with visit(made["link"]) as player:
+        await player.reach_trial()
+        await player.tick()
+        (worker,) = worker_pids(lab)
+        os.kill(parent_of(worker), signal.SIGKILL)
+        assert (await player.tick()).tick == 1, "the worker goes on without it"
+        os.kill(worker, signal.SIGKILL)
+        await player.status("recovering")
+        await player.status("running")
+        assert (await player.tick()).tick == 2
+    assert not events(lab, made["participant"], "replay_mismatch", "worker_failed")
+
+
+def parent_of(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+
 async def test_words_of_a_participant_are_kept_apart_from_the_record(quick_lab: LabServer) -> None:
     made = invite(quick_lab)
     async with visit(made["link"]) as player:
