@@ -370,6 +370,30 @@ class ChainRow:
     hash: str = column("SHA-256 over the hash of the link before and the other columns of this one")
 
 
+@dataclass(frozen=True)
+class CertificateRow:
+    """What there was of somebody when they ended: acknowledged by their pages, stored, and where their chain ended."""
+
+    participant: str = column("Participant id")
+    utc: str = column("When it was signed: at the end of the session, and again when a page reported", unit=UTC)
+    links: int = column("Number of links of the chain by then", least=0)
+    head: str = column("Hash of the last of them")
+    ticks: int = column("Rows of `ticks` that were stored", unit="ticks", least=0)
+    practice_ticks: int = column("Rows of `practice_ticks` that were stored", unit="ticks", least=0)
+    answers: int = column("Rows of `survey_answers` that were stored", least=0)
+    messages: int = column("Submits and notes of pages that were stored and acknowledged", least=0)
+    told_ticks: int | None = column(
+        "Ticks of practice and trials that the pages were told are saved, as they report; blank = no report",
+        unit="ticks",
+        least=0,
+    )
+    told_messages: int | None = column(
+        "Submits and notes that the pages were told are saved, as they report; blank = no report", least=0
+    )
+    key: str = column("Public half of the data folder's key (Ed25519), hex")
+    signature: str = column("Signature over the other columns as JSON, in the order of their names, hex")
+
+
 TABLES: dict[str, type] = {
     "participants": ParticipantRow,
     "trials": TrialRow,
@@ -379,6 +403,7 @@ TABLES: dict[str, type] = {
     "alerts": AlertRow,
     "survey_answers": SurveyAnswerRow,
     "events": EventRow,
+    "certificates": CertificateRow,
     "chain": ChainRow,
 }
 """Exported tables in the order they are written."""
@@ -392,6 +417,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "alerts": "One row per stimulus of the second task: a sensor reading, unless the study names another kind",
     "survey_answers": "One row per answer to a questionnaire or form, as given; questionnaires.json has the items",
     "events": "Anything else that happened, in order",
+    "certificates": "One row per participant who has ended: acknowledged = stored, signed (salab certificate)",
     "chain": "One row per row that was ever written: hashes by which `salab verify` finds what was changed since",
 }
 KEYS: Mapping[str, tuple[str, ...]] = {
@@ -401,6 +427,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "ticks": ("participant", "trial", "tick"),
     "practice_ticks": ("participant", "trial", "tick"),
     "alerts": ("participant", "trial", "alert"),
+    "certificates": ("participant",),
     "chain": ("participant", "seq"),
 }
 """What makes a row unique, and the order of rows within a participant. Other tables keep the order of arrival."""
@@ -412,6 +439,7 @@ REFERENCES: Mapping[str, str] = {
     "alerts": "trials",
     "survey_answers": "participants",
     "events": "participants",
+    "certificates": "participants",
     "chain": "participants",
 }
 """The table that a row belongs to, by that table's key. Practice comes before its trial has a row."""

@@ -1,4 +1,4 @@
-"""`salab verify`: whether data are as they were recorded."""
+"""`salab verify` and `salab certificate`: whether data are as they were recorded, and what shows it elsewhere."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from app.commands import options
 from app.commands.groups import DATA
 from app.commands.options import folder, number, registered
 from app.commands.replay import tell_replays
+from app.config import LabConfig
 from app.errors import LabError
 from app.trial.robots import ROBOTS
 
@@ -68,3 +69,28 @@ def verify(
         status = tell_replays(export, workers, {}, robot=robot, trust=trust)
     if verdict.findings or status:
         raise typer.Exit(1 if verdict.findings else status)
+
+
+@commands.command(rich_help_panel=DATA, epilog="Example: salab certificate --data data")
+def certificate(
+    data: Annotated[Path, folder("folder of the database; a lab may be running on it")] = LabConfig().data_dir,
+) -> None:
+    """Print what shows later that nothing was changed: the end of every chain.
+
+    A line for each participant: how many links, the hash of the last, and whether what their pages were told is saved
+    is what is stored. Keep the lines where nobody who can write the data folder can change them: mail them, publish
+    them, have them registered. Whoever then changes the record and makes another chain for it no longer fits them.
+    """
+    from study.integrity.certificate import all_heads, state_of
+    from study.store import open_store
+
+    with open_store(data, must_exist=True) as store, store.snapshot() as recorded:
+        heads = recorded.heads()
+        certified = {row.participant: row for row in recorded.rows("certificates", True, True)}
+    for participant, head in heads.items():
+        row = certified.get(participant)
+        told = f"{state_of(row)}, signed at link {row.links}" if row else "no certificate"
+        print(f"{participant}  {head.seq:6d}  {head.hash}  {told}")
+    for key in sorted({row.key for row in certified.values()}):
+        print(f"key  {key}")
+    print(f"all  {len(heads):6d}  {all_heads(heads)}")

@@ -33,8 +33,7 @@ def tolerance(text: str | float) -> float:
 
 @commands.command(
     rich_help_panel=DATA,
-    epilog="Example: salab replay out --participant P001 --trial 2. It ends with status 0 when all is the same, 1 when "
-    "something differs, 2 when something cannot be replayed.",
+    epilog="Example: salab replay out --participant P001 --trial 2",
 )
 def replay(
     export: Annotated[
@@ -64,7 +63,8 @@ def replay(
     """Run recorded trials again from an export alone, and compare every tick.
 
     The first difference is named: tick, column, what was recorded and what came of it now. Columns of the clock
-    (started_utc, late_ms) are not compared.
+    (started_utc, late_ms) are not compared. It ends with status 0 when all is the same, 1 when something differs, 2
+    when something cannot be replayed.
     """
     from app.trial.values import PhaseKind
 

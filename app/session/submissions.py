@@ -52,6 +52,8 @@ class Submissions:
             for place, text in refused.problems:
                 refuse(client, refused.code, place, text, message.id)
             return
+        if message.name == "received":
+            data["client"] = client.name
         event = context.event(kind, "participant", data)
         await context.commit(Batch(submission=context.submission(message.id), events=(event,)))
         acknowledge(client, message.id)

@@ -6,6 +6,7 @@
 
 import { Emitter } from "../common/emitter.js";
 import { Outbox } from "./outbox.js";
+import { Received } from "./received.js";
 
 /** @import { ConnectionState } from "../common/shell.js" */
 /** @import * as wire from "../../tests/javascript/wire.d.ts" */
@@ -29,6 +30,7 @@ export class LabSocket extends Emitter {
     super();
     this.url = url;
     this.outbox = new Outbox(name);
+    this.received = new Received({ socket: this, name });
     /** @type {ConnectionState} */
     this.state = "closed";
     /** @type {wire.Welcome | null} */
@@ -159,7 +161,7 @@ export class LabSocket extends Emitter {
         for (const kept of this.outbox.waiting()) this._transmit(kept);
         break;
       case "ack":
-        this._settle(message.id)?.resolve(message);
+        this._acknowledged(message);
         break;
       case "panel":
         this.panel = message;
@@ -182,6 +184,13 @@ export class LabSocket extends Emitter {
       default:
     }
     this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
+  }
+
+  /** @param {wire.Ack} message */
+  _acknowledged(message) {
+    const kept = this.outbox.waiting().find((one) => one.id === message.id);
+    this._settle(message.id)?.resolve(message);
+    this.received.acknowledged(kept);
   }
 
   /** @param {string} id */

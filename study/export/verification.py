@@ -12,10 +12,12 @@ from typing import Any
 from study.definition.files_beside import MOST_STUDY_BYTES
 from study.export.data_package import descriptor_sums, parquet_rows, same_in_parquet
 from study.export.export import ExportError, read_meta, read_table
+from study.integrity.certificate import check_certificate
 from study.integrity.chain import Linked, ReadChain
 from study.integrity.checksums import changed_files, check_sums
 from study.integrity.content import OWN_KEYS, key_of
 from study.integrity.findings import Finding, Verdict
+from study.integrity.signing import is_signed
 from study.records import KEYS, REFERENCES, TABLES, TrialRow, columns
 from study.text_file import FileProblem, read_bytes
 
@@ -61,8 +63,11 @@ class _Export:
             chains = {who: ReadChain(who, map(Linked, rows)) for who, rows in _by_participant(links).items()}
             findings += [finding for chain in chains.values() for finding in chain.findings]
         notes = [] if has_chain else ["written before there was a chain: rows can be compared with checksums alone"]
+        counted = counted if isinstance(counted, dict) else dict.fromkeys(TABLES)
         # Ticks come before trials, whose rows are counted from them while they run.
-        for table in sorted((name for name in TABLES if name != CHAIN), key=lambda name: name == "trials"):
+        for table in sorted(
+            (name for name in TABLES if name != CHAIN and name in counted), key=lambda name: name == "trials"
+        ):
             rows = self._read(table, findings)
             if rows is None:
                 continue
@@ -71,6 +76,10 @@ class _Export:
                 self._ticks = Counter((row.participant, row.trial) for row in rows)
             if has_chain:
                 findings += self._chained(table, rows, chains)
+            if has_chain and table == "certificates":
+                linked = _by_participant(links)
+                for row in rows:
+                    findings += check_certificate(row, linked.get(row.participant, ()), is_signed)
         findings += self._references()
         people = len(self._keys.get("participants", ()))
         return Verdict(tuple(findings), people, len(links), tuple(notes))

@@ -24,6 +24,8 @@ OWN = "own."
 
 Role: TypeAlias = Literal["participant", "panel"]
 Word: TypeAlias = Annotated[str, Field(max_length=64)]
+Count: TypeAlias = Annotated[int, Field(ge=0, le=2**53, strict=True)]
+MAX_PHASES = 60
 
 
 class PadData(StepData):
@@ -54,6 +56,15 @@ class HeardData(StepData):
     """Whether it was heard."""
 
 
+class ReceivedData(StepData):
+    """What a tab was told is on disk."""
+
+    acknowledged: Count
+    """How many of its submits and notes, these reports apart."""
+    ticks: Annotated[dict[Word, Count], Field(max_length=MAX_PHASES)] = Field(default_factory=dict)
+    """Ticks of each practice and trial, by its name and number: the last one's number and one."""
+
+
 @dataclass(frozen=True)
 class NoteType:
     """One name."""
@@ -74,6 +85,11 @@ NOTES: Mapping[str, NoteType] = {
     "message_dismissed": NoteType("The participant has put the experimenter's message away."),
     "panel_later": NoteType("The set-up goes on before the second device is there."),
     "panel_heard": NoteType("Whether the alarm is heard on the second device.", HeardData, ("panel",)),
+    "received": NoteType(
+        "What this tab was told is saved, once the study is over: the certificate compares it with what is stored.",
+        ReceivedData,
+        ("participant", "panel"),
+    ),
     "in_step": NoteType(
         "Nothing: its acknowledgement tells a scripted client that everything before it has been dealt with.",
         roles=("participant", "panel"),

@@ -84,6 +84,15 @@ class RanOn(Told):
     sha256: str = ""
 
 
+class Received(Told):
+    """What a tab was told is saved."""
+
+    acknowledged: Annotated[int, Field(ge=0, le=2**53)]
+    ticks: dict[str, Annotated[int, Field(ge=0, le=2**53)]]
+    client: str = ""
+    """The tab, as the lab knows it."""
+
+
 Data = TypeVar("Data", bound=Told)
 
 
@@ -123,12 +132,13 @@ RAN_ON = Recorded("robot", ("lab",), RanOn)
 PAGE_HIDDEN = Recorded(f"{NAMESPACE}hidden", ("participant",), Nothing)
 PAGE_VISIBLE = Recorded(f"{NAMESPACE}visible", ("participant",), Nothing)
 PAD_UNPLUGGED = Recorded(f"{NAMESPACE}pad_unplugged", ("participant",), Nothing)
+RECEIVED = Recorded(f"{NAMESPACE}received", ("participant",), Received)
 
 READ_BACK: tuple[Recorded[Any], ...] = (
     *(CLOCK_SET, ROUND_TRIP, FOCUS_LOST, CONNECTED, TAB_TAKEN_OVER, PAGE_HIDDEN, PAGE_VISIBLE, PAD_UNPLUGGED),
     *(SET_UP, HELP, HELP_SEEN),
     *(FREE_ASKED_BY_PARTICIPANT, FREE_ASKED_BY_EXPERIMENTER, ARM_FREED, FREE_NOT_NEEDED),
-    *(STARTED_BY_PARTICIPANT, STARTED_BY_EXPERIMENTER, RAN_ON),
+    *(STARTED_BY_PARTICIPANT, STARTED_BY_EXPERIMENTER, RAN_ON, RECEIVED),
 )
 """Every event that the lab goes by."""
 

@@ -18,12 +18,13 @@ from urllib.parse import quote
 
 from study.integrity.checksums import SUMS_NAME, changed_files, check_sums, digest, sums_of
 from study.integrity.findings import Verdict
+from study.integrity.signing import KEY_NAME
 from study.store.values import StoreError
 from study.store.verification import FILE_NAME, verify_data
 
 NOTE_NAME = "backup.json"
 FORMAT = "shared-autonomy-lab backup"
-KEPT = ("lab.key",)
+KEPT = (KEY_NAME,)
 """Files of a data folder beside the database that a restored lab needs."""
 
 

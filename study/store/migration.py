@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FIRST = "0001"
 """The schema as it was when migrations began."""
-HEAD = "0006"
+HEAD = "0007"
 """The schema of `tables`: the last revision there is."""
 CHAINED_SINCE = "0006"
 """The first schema with a chain; data of before get theirs when they are brought up, of the rows as they are then."""

@@ -10,8 +10,10 @@ from typing import Any
 import sqlalchemy as sql
 
 from study.flow.roster import EnrolmentKind
+from study.integrity.chain import Head
 from study.records import KEYS, OVERRUN_MS, TABLES, TrialRow, columns
 from study.store import erasure
+from study.store.ledger import head_of
 from study.store.tables import MACHINES, RECORDS, SESSIONS, STUDIES
 
 
@@ -58,6 +60,12 @@ class Snapshot:
         """Fingerprints of every machine that ran this lab, the first one first."""
         query = sql.select(MACHINES.c.fingerprint).order_by(MACHINES.c.first_utc, MACHINES.c.hash)
         return tuple(json.loads(row.fingerprint) for row in self._connection.execute(query))
+
+    def heads(self) -> dict[str, Head]:
+        """Participant to the end of their chain, demo included, in order of enrolment."""
+        everybody = sql.select(SESSIONS.c.participant).order_by(SESSIONS.c.number)
+        names = self._connection.execute(everybody).scalars().all()
+        return {name: head_of(self._connection, name) for name in names}
 
     def erasures(self) -> tuple[tuple[str, str], ...]:
         """(participant, utc) of everyone erased."""

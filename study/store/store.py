@@ -15,9 +15,10 @@ from study.definition.study import Study, plan_session
 from study.flow.flow import FLOW, Flow
 from study.flow.open_link import BEFORE_CONSENT, LAPSED
 from study.flow.protocol import Event
+from study.flow.recorded import RECEIVED
 from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
-from study.store import erasure, migration, participants, progress, rows
+from study.store import certificates, erasure, migration, participants, progress, rows
 from study.store.database import Database, open_database
 from study.store.rescue import copy_out
 from study.store.snapshot import Snapshot
@@ -277,6 +278,8 @@ class Store:
             rows.add(connection, "events", batch.events)
             for cycle in batch.cycles:
                 progress.save_cycle(connection, cycle)
+            for participant, utc in _to_certify(batch).items():
+                certificates.certify(connection, self.path.parent, participant, utc)
         if batch.session is not None:
             self._database.move_log()  # a phase has ended: a copy of the file alone then lacks little
         return True
@@ -321,3 +324,11 @@ class Store:
         """As `Snapshot.rows_of`."""
         with self.snapshot() as recorded:
             return recorded.rows_of(table, participant, **equal)
+
+
+def _to_certify(batch: Batch) -> dict[str, str]:
+    """Whose certificate this batch calls for, and when: of who ends, and of who has a page that reports."""
+    reports = {row.participant: row.utc for row in batch.events if RECEIVED.of(row)}
+    if batch.session is not None and batch.finished_utc is not None:
+        reports[batch.session.participant] = batch.finished_utc
+    return reports

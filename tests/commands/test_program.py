@@ -96,6 +96,7 @@ def test_the_commands_are_described_as_values() -> None:
     assert analyze.options == (
         OptionDoc((), "DIR", "", "folder that `salab export` or `salab simulate` wrote", required=True),
         OptionDoc(("--out",), "REPORT", "", "folder to write the report into", required=True),
+        OptionDoc(("--changed",), "", "", "take files as they are that were changed since the export", required=False),
     )
     (quiet,) = (option for each in COMMANDS for option in each.options if option.flags == ("--quiet",))
     assert quiet == OptionDoc(("--quiet",), "", "", "no progress", required=False)

@@ -47,6 +47,7 @@ def fill(store: Store, public_id: str, **options: Any) -> str:
         Batch(
             session=FLOW.advance(session.session, "consent_given", 0.0)[0],
             consent=ConsentGiven(UTC, "c" * 64),
+            finished_utc=UTC,
             ticks=tuple(tick_row(who, n, p_x=n / 3, late_ms=None) for n in range(3)),
             practice_ticks=(tick_row(who, 0),),
             trials=(dataclasses.replace(trial_row(who), outcome="completed", ticks=3),),

@@ -43,7 +43,7 @@ def test_a_note_becomes_an_event_in_the_namespace_of_pages_with_the_page_that_sa
 def test_nothing_that_the_lab_goes_by_can_be_said_by_a_page_but_what_is_meant_for_it() -> None:
     goes_by = {event.kind for event in READ_BACK}
     sayable = {f"{NAMESPACE}{name}" for name in note_types(flow_with(hidden=Looked))}
-    assert goes_by & sayable == {"page.hidden", "page.visible", "page.pad_unplugged"}
+    assert goes_by & sayable == {"page.hidden", "page.visible", "page.pad_unplugged", "page.received"}
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "pybullet_data": (),
     "pybullet_utils": (),
     "viser": ("sim.nodes",),
+    "cryptography": ("study.integrity.signing",),
     "sqlalchemy": ("study.store",),
     "sqlite3": ("study.store",),
     "aiosqlite": (),

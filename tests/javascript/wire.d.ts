@@ -46,6 +46,7 @@ export interface Note {
     | "message_dismissed"
     | "panel_later"
     | "panel_heard"
+    | "received"
     | "in_step";
   data?: Record<string, unknown>;
 }

@@ -132,7 +132,7 @@ def test_what_somebody_changed_is_named(data: Path, statement: str, found: str) 
 
 def test_a_participant_who_is_gone_without_an_erasure_is_missed(data: Path) -> None:
     tables = ("ticks", "practice_ticks", "trials", "tasks", "alerts", "survey_answers", "events", "participants")
-    own = ("chain", "cycles", "submissions", "identities", "tokens", "sessions")
+    own = ("certificates", "chain", "cycles", "submissions", "identities", "tokens", "sessions")
     with closing(sqlite3.connect(data / "lab.sqlite")) as connection, connection:
         for table in (*tables, *own):
             connection.execute(f"DELETE FROM {table} WHERE participant = 'P002'")
