@@ -15,6 +15,8 @@ from typing import Any, Literal
 from app.clock import SteadyClock
 from app.config import LabConfig, Pace
 from app.errors import LabError
+from app.jobs import eraser
+from app.jobs.exporter import Exporter
 from app.lab.gauges import gauges
 from app.lab.health import Health, why_no_room
 from app.lab.lapsing import Lapsing
@@ -39,7 +41,6 @@ from app.worker.probes import prepared_scene, why_no_process
 from app.worker.process import WorkerProcess, tend_fork_server, warm_up, worker_context
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
-from study.export.placing import sweep_noted
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import DistractorState
 from study.flow.flow import FLOW, Flow
@@ -107,6 +108,7 @@ class Lab:
         client_message: what a page may say.
         setup: the study that new participants get.
         reporter: makes the report of the data so far.
+        exporter: makes the archive of the data that can be downloaded.
         refusals: how often each bound on what a client may cost was reached.
         lapsing: looks after the places of those who closed the tab before they agreed to take part.
         metrics: what is counted and measured.
@@ -154,6 +156,7 @@ class Lab:
             (lambda: prepared_scene(self._workers)) if config.scene else None,
         )
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
+        self.exporter = Exporter(config.data_dir, lambda: utc_text(now_unix_s()))
         self.lapsing = Lapsing(self)
 
     # ---- life ---------------------------------------------------------------------------------------------------
@@ -187,8 +190,7 @@ class Lab:
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
         self.store.watch()
-        await self.reporter.discard()  # of a lab that was killed
-        await asyncio.to_thread(sweep_noted, self.config.data_dir)
+        await self._discard_made()  # of a lab that was killed
         self._tasks = (
             asyncio.create_task(self._probe_sessions(), name="probe sessions"),
             asyncio.create_task(self._look_after_sessions(), name="look after sessions"),
@@ -201,7 +203,7 @@ class Lab:
         for task in (*self._tasks, *self._notes):
             task.cancel()
         await asyncio.gather(*self._tasks, *self._notes, return_exceptions=True)
-        await self.reporter.discard()
+        await self._discard_made()
         for one in await asyncio.gather(*(live.close() for live in self._live.values()), return_exceptions=True):
             if isinstance(one, Exception):
                 log.error("a session could not be closed", exc_info=one)
@@ -356,7 +358,7 @@ class Lab:
     async def erase(self, participant: str) -> bool:
         """End the session if it is live and delete everything about the participant but the mark that there was one.
 
-        Returns `Store.erase`'s word on the space. Raises `NoSuchParticipant`.
+        Returns `Store.erase`'s word on the space. Raises `NoSuchParticipant`, and `LabError` when nothing was deleted.
         """
         utc = utc_text(self._now_unix_s())
         async with self._opening.setdefault(participant, asyncio.Lock()):
@@ -365,12 +367,15 @@ class Lab:
             live = self._live.pop(participant, None)
             if live is not None:
                 await live.close()
-            await self.reporter.discard()  # its process may be reading: the log could not be emptied
-            is_clean = await self.store.run(lambda store: store.erase(participant, utc))
-            await self.reporter.discard()  # of one begun in between
-            await asyncio.to_thread(sweep_noted, self.config.data_dir)
+            await self._discard_made()  # their processes may be reading: the log could not be emptied
+            is_clean = await eraser.erase(self.store, self.config.data_dir, participant, utc)
+            await self._discard_made()  # of those begun in between
         self.changed(participant)
         return is_clean
+
+    async def _discard_made(self) -> None:
+        """End and remove what is made of the data: it may hold what was measured of somebody."""
+        await asyncio.gather(self.reporter.discard(), self.exporter.discard())
 
     async def stored_sessions(self) -> tuple[StoredSession, ...]:
         """Everyone whose session can be read, as stored."""

@@ -11,15 +11,13 @@ Pilot and demo participants are left out. OUT is replaced when all is done, not 
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from app.jobs.work import NICENESS, Say, say
 from study.export.export import export
 from study.records import StudyError
 from study.store import open_store
@@ -27,10 +25,6 @@ from study.store import open_store
 STEPS = ("Reading the records", "Measuring the trials", "Comparing the conditions", "Drawing the figures")
 WORK_PREFIX = ".report-"
 """What the folder of a job begins with, beside OUT. A job that is killed leaves it; it holds an export."""
-NICENESS = 15
-"""The robots of live sessions come first."""
-
-Say = Callable[[dict[str, Any]], None]
 
 
 def make_report(data_dir: Path, out: Path, say: Say) -> None:
@@ -80,7 +74,7 @@ def main() -> int:
     """Run as a program."""
     data_dir, out = (Path(argument) for argument in sys.argv[1:3])
     os.nice(NICENESS)
-    make_report(data_dir, out, lambda line: print(json.dumps(line), flush=True))
+    make_report(data_dir, out, say)
     return 0
 
 

@@ -7,19 +7,16 @@ what was measured of them.
 from __future__ import annotations
 
 import asyncio
-import json
-import os
 import shutil
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from app.jobs.process import JobLost, run_job
 from app.report.job import WORK_PREFIX
 from app.session.commands import NotNow
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = "report"
 PAGE = "report.html"
 """As `study.analysis.report` names it, which is not imported here: it loads the statistics and the plotting."""
@@ -78,34 +75,19 @@ class Reporter:
         await asyncio.to_thread(remove, self._data_dir)
 
     async def _make(self) -> None:
-        arguments = (sys.executable, "-m", "app.report.job", str(self._data_dir.resolve()), str(self.folder.resolve()))
-        process = await asyncio.create_subprocess_exec(
-            *arguments,
-            cwd=ROOT,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-        )
-        assert process.stdout is not None
-        ended: ReportStatus | None = None
+        arguments = (str(self._data_dir.resolve()), str(self.folder.resolve()))
         try:
-            async for line in process.stdout:
-                said = json.loads(line)
-                ended = self._end(said)
-                if ended is None:
-                    self.status = replace(self.status, **said)
-        finally:
-            if process.returncode is None and ended is None:
-                process.kill()
-            code = await process.wait()
-        # Not before the process is gone: until then another one could not be told from it.
-        lost = f"The report's process ended with {code}; the lab's console says why."
-        self.status = ended or ReportStatus("cannot", lost)
+            self.status = self._end(await run_job("app.report.job", arguments, self._step))
+        except JobLost as lost:
+            self.status = ReportStatus("cannot", f"The report's {lost}.")
 
-    def _end(self, said: dict[str, Any]) -> ReportStatus | None:
-        """What is said at the end of the work; None for a step of it."""
-        if "made" in said:
-            made = dict(said["made"])
-            figures = tuple((figure["name"], figure["title"]) for figure in made.pop("figures"))
-            return ReportStatus("made", made_utc=self._now_utc(), figures=figures, **made)
-        return ReportStatus("cannot", said["cannot"]) if "cannot" in said else None
+    def _step(self, said: dict[str, Any]) -> None:
+        self.status = replace(self.status, **said)
+
+    def _end(self, said: dict[str, Any]) -> ReportStatus:
+        """What is said at the end of the work."""
+        if "cannot" in said:
+            return ReportStatus("cannot", said["cannot"])
+        made = dict(said["made"])
+        figures = tuple((figure["name"], figure["title"]) for figure in made.pop("figures"))
+        return ReportStatus("made", made_utc=self._now_utc(), figures=figures, **made)

@@ -54,6 +54,7 @@ WHY_REFUSED: Mapping[int, str] = {
     404: "there is no such participant or trial",
     409: "this is not possible now",
     422: "what was sent is wrong",
+    503: "the lab cannot do it now, and says why",
     429: "too many wrong tokens came from this address; `Retry-After` says for how many seconds to wait",
 }
 

@@ -33,6 +33,7 @@ from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
 from app.web.arbiter_api import add_arbiter_api
 from app.web.counted import Counted, Named
 from app.web.dashboard_frames import add_dashboard_frames
+from app.web.export_api import add_export_api
 from app.web.guard import Guard, address_of
 from app.web.health_api import add_health_api
 from app.web.join_api import STATUS, add_join, look
@@ -104,6 +105,7 @@ def create_app(lab: Lab) -> FastAPI:
     add_arbiter_api(app, lab)
     add_roster_api(app)
     add_results_api(app)
+    add_export_api(app)
     add_live(app, lab)
     add_join(app, lab)
     add_dashboard_frames(app, lab)

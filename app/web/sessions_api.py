@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import itertools
-import tempfile
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from fastapi import APIRouter, FastAPI, HTTPException, Query
-from fastapi.responses import FileResponse
+from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import BaseModel, Field
-from starlette.background import BackgroundTask
 
 from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
@@ -20,15 +15,11 @@ from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
 from app.web.access import Experimenter, ParticipantId, RequestBody, StrictRoute, TheLab, experimenters_router, refusals
 from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
-from study.export.export import export_zip
 from study.flow.page import Text
 from study.flow.roster import EnrolmentKind
 from study.store import WHAT_TO_DO, StoredSession, UnreadableSession
 
 MAX_INVITATIONS = 200
-
-ExcelSafe = Annotated[bool, Query(description="Whether no cell of the CSV may begin what a spreadsheet would run.")]
-IncludePilot = Annotated[bool, Query(description="Whether pilots are in it too.")]
 
 
 class InviteRequest(RequestBody):
@@ -314,28 +305,6 @@ _command_route("free_arm", "Free the arm: the pick-and-place under way begins ag
 _command_route("repeat_practice", "Back from a trial that has not begun to its practice.")
 _command_route("abort_trial", "End the trial that is under way; it stays, marked, and the session goes on.", True)
 _command_route("abort", "End the session for good; its data stay.", True)
-
-
-@private.get(
-    "/export",
-    response_class=FileResponse,
-    responses={200: {"description": "A file, application/zip", "content": {"application/zip": {}}}},
-)
-async def export(
-    lab: TheLab, who: Experimenter, include_pilot: IncludePilot = False, excel_safe: ExcelSafe = False
-) -> FileResponse:
-    """All data as a zipped data package. Demo participants and identities are not in it, pilots when asked for."""
-    folder = tempfile.TemporaryDirectory(prefix="salab-export-")
-    path = Path(folder.name) / "export.zip"
-    await asyncio.to_thread(  # beside the writing thread: ticks do not wait for it
-        export_zip, lab.store.store, path, include_pilot=include_pilot, excel_safe=excel_safe
-    )
-    return FileResponse(
-        path,
-        media_type="application/zip",
-        filename="export.zip",
-        background=BackgroundTask(asyncio.to_thread, folder.cleanup),
-    )
 
 
 def add_sessions_api(app: FastAPI, lab: Lab) -> None:

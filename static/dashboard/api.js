@@ -171,9 +171,20 @@ export class Api {
     this.setToken("");
   }
 
-  /** @returns {Promise<void>} */
-  async download() {
-    const answer = await this._ask("/api/export");
+  /**
+   * @param {string} path
+   * @returns {Promise<void>}
+   */
+  async remove(path) {
+    await this._ask(path, { method: "DELETE" });
+  }
+
+  /**
+   * @param {string} path of a file
+   * @returns {Promise<void>}
+   */
+  async download(path) {
+    const answer = await this._ask(path);
     const name = /filename="?([^";]+)/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "export.zip";
     const url = URL.createObjectURL(await answer.blob());
     const link = Object.assign(document.createElement("a"), { href: url, download: name });

@@ -7,6 +7,7 @@ import { Toasts } from "../common/shell.js";
 import { numberProblem, numerals } from "../common/typed_number.js";
 import { Api, isRefused } from "./api.js";
 import { act } from "./commands.js";
+import { Export } from "./export.js";
 import { HelpCalls } from "./help_calls.js";
 import { Live } from "./live.js";
 import { Results } from "./results.js";
@@ -342,20 +343,7 @@ function linkRows({ participant, link, panel_link, second_device, kind, demo }) 
 
 /** @returns {HTMLElement} */
 function sessionsCard() {
-  const download = h(
-    "button",
-    { type: "button", class: "secondary", data: { testid: "download-export" } },
-    "Download the data (zip)",
-  );
-  download.addEventListener("click", () =>
-    whileBusy(download, "Preparing the download", async () => {
-      try {
-        await api.download();
-      } catch (error) {
-        toasts.show(`The data could not be downloaded: ${problemText(error)}`, { problem: true });
-      }
-    }),
-  );
+  const exporting = new Export({ api, toasts });
   return h(
     "section",
     { class: "board-card", "aria-labelledby": "sessions-title" },
@@ -363,8 +351,9 @@ function sessionsCard() {
       "div",
       { class: "board-head" },
       h("h2", { id: "sessions-title" }, "Sessions"),
-      h("span", { class: "top-actions" }, updated, rows.filter, download),
+      h("span", { class: "top-actions" }, updated, rows.filter, exporting.button),
     ),
+    exporting.progress,
     rows.element,
   );
 }

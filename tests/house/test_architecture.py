@@ -30,6 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
+    ("app.jobs",),
     ("app.session", "app.replication", "app.replay", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),

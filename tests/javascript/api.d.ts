@@ -303,6 +303,19 @@ export interface ReportReply {
   figures: Array<FigureLine>;
 }
 
+/** The archive of all data: `state` none, making, made or cannot, and how far it is or why it cannot be. */
+export interface ExportReply {
+  state: "none" | "making" | "made" | "cannot";
+  text: string;
+  step: number;
+  of: number;
+  made_utc: string | null;
+  include_pilot: boolean;
+  excel_safe: boolean;
+  bytes: number;
+  rows: number;
+}
+
 /** What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in. */
 export interface JoinReply {
   state: "begin" | "back" | "bad_link" | "closed" | "full" | "elsewhere";

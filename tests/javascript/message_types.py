@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from app import wire
 from app.session import explanation
-from app.web import join_api, live_api, results_api, roster_api, sessions_api
+from app.web import export_api, join_api, live_api, results_api, roster_api, sessions_api
 from study import records
 
 FOLDER = Path(__file__).resolve().parent
@@ -106,6 +106,7 @@ API_SENT: Mapping[str, Any] = {
     "SummaryReply": results_api.SummaryReply,
     "QualityReply": results_api.QualityReply,
     "ReportReply": results_api.ReportReply,
+    "ExportReply": export_api.ExportReply,
     "JoinReply": join_api.JoinReply,
 }
 API_TAKEN: Mapping[str, Any] = {"InviteRequest": sessions_api.InviteRequest}

@@ -288,7 +288,9 @@ class FakeLab:
                 Route("/api/sessions", self._sessions),
                 Route("/api/participants", self._participants, methods=["POST"]),
                 Route("/api/sessions/{participant}/{action}", self._command, methods=["POST"]),
-                Route("/api/export", self._export),
+                Route("/api/export", self._export, methods=["POST", "DELETE"]),
+                Route("/api/export/progress", self._export),
+                Route("/api/export/file", self._archive),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ],
         )
@@ -333,6 +335,12 @@ class FakeLab:
             return JSONResponse({"detail": detail}, 409)
         return JSONResponse({"participant": participant, "state": "paused"})
 
-    async def _export(self, _: Request) -> Response:
+    async def _export(self, request: Request) -> Response:
+        """It is made at once."""
+        told = {"step": 9, "of": 9, "text": "", "made_utc": None, "include_pilot": False}
+        size = {"excel_safe": False, "bytes": 22, "rows": 0}
+        return JSONResponse({"state": "none" if request.method == "DELETE" else "made", **told, **size})
+
+    async def _archive(self, _: Request) -> Response:
         headers = {"Content-Disposition": 'attachment; filename="export.zip"'}
         return Response(b"PK\x05\x06" + bytes(18), media_type="application/zip", headers=headers)

@@ -1,0 +1,36 @@
+"""Somebody is erased in a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from app.errors import LabError
+from app.jobs.process import JobLost, run_job
+from study.store import AsyncStore
+
+
+async def erase(store: AsyncStore, data_dir: Path, participant: str, utc: str) -> bool:
+    """Delete everything about a participant, who has no live session, but the mark; as `Store.erase`.
+
+    What has begun goes on when whoever asked is gone. Raises `LabError` when nothing was deleted, and says why.
+    """
+    # What the lab has asked to be written before is written first: afterwards it would belong to nobody.
+    await store.run(lambda opened: None)
+    folder = str(await asyncio.to_thread(data_dir.resolve))
+    return await asyncio.shield(
+        asyncio.create_task(_erase(store, participant, (folder, participant, utc)), name="erase")
+    )
+
+
+async def _erase(store: AsyncStore, participant: str, arguments: tuple[str, str, str]) -> bool:
+    try:
+        end = await run_job("app.jobs.erase_job", arguments, lambda step: None)
+    except JobLost as lost:
+        if await store.read(lambda opened: participant in dict(opened.erasures())):
+            return False  # it was done; the log is emptied at the next erasure
+        raise LabError(f"{participant} is not erased: the {lost}. Nothing was deleted; try again") from None
+    if "cannot" in end:
+        raise LabError(f"{participant} is not erased: {end['cannot']}")
+    overwritten: bool = end["made"]["overwritten"]
+    return overwritten
