@@ -188,6 +188,26 @@ async def kill_exporter(stage: Stage) -> None:
     assert not out.exists(), "half an export lies where a whole one belongs"
 
 
+async def kill_dashboard_export(stage: Stage) -> None:
+    """The process that exports for the dashboard dies: the experimenter is told, and asks again."""
+    before = {*processes.children(stage.pid), *processes.workers(stage.pid)}
+
+    def fresh() -> list[int]:
+        return sorted({*processes.children(stage.pid), *processes.workers(stage.pid)} - before)
+
+    asking = asyncio.create_task(stage.asked("GET", "export"))
+    try:
+        processes.kill(await _appears(fresh))
+        answer = await asking
+    finally:
+        asking.cancel()
+        await asyncio.gather(asking, return_exceptions=True)
+    stage.notes.append(f"the experimenter is told: {answer.status_code} {answer.text[:120]}")
+    assert answer.status_code >= 400, f"the export of a killed process was answered with {answer.status_code}"
+    again = await stage.asked("GET", "export")
+    assert again.status_code == 200, f"the next export was answered with {again.status_code}"
+
+
 ROWS = (
     Fault(
         "kill_worker",
@@ -236,6 +256,13 @@ ROWS = (
         "kill_exporter",
         "`salab export` is killed while it writes",
         kill_exporter,
+        downtime_s=1.0,
+        part="replay",
+    ),
+    Fault(
+        "kill_dashboard_export",
+        "the process that exports for the dashboard is killed",
+        kill_dashboard_export,
         downtime_s=1.0,
         part="replay",
     ),
