@@ -70,9 +70,10 @@ async def deleted(stage: Stage) -> None:
     await asyncio.to_thread(shutil.rmtree, stage.data_dir)
     await asyncio.sleep(DELETED_S)
     assert await _no_more_ticks(stage, stage.began_s + 2.0), "ticks were acknowledged that lie in no file"
-    rescued = list(stage.folder.rglob("*rescue*"))
-    stage.notes.append(f"rescue files: {[str(path.relative_to(stage.folder)) for path in rescued]}")
-    assert rescued, "nothing was rescued"
+    rescued = [path for path in stage.folder.glob("*rescued*") if path.is_dir()]
+    stage.notes.append(f"rescued: {[path.name for path in rescued]}")
+    assert len(rescued) == 1, f"{len(rescued)} folders with what was recorded"
+    (stage.record_dir,) = rescued
 
 
 async def corrupted(stage: Stage) -> None:
@@ -179,6 +180,7 @@ ROWS = (
         experimenter=(trouble(("corrupt",), TOLD_S + 2.0), unhealthy(TOLD_S + 2.0)),
         goes_on=False,
         exports=False,
+        is_kept=False,
     ),
     Fault(
         "clock_forward",

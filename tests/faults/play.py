@@ -144,7 +144,7 @@ async def judge(stage: Stage, done: Hit) -> Outcome:
         memory, record = await settled(stage, person, exports=fault.exports)
         found = breaches(memory, record, fault.way_s)
     except Exception as error:  # whatever keeps the record from being read is the finding
-        if fault.exports:
+        if fault.is_kept:
             problems.append(f"the record cannot be read: {type(error).__name__}: {error}"[:300])
     told_participant = _told(fault.participant, person.memory.seen, done.began_s)
     told_experimenter = _told(fault.experimenter, [*stage.experimenter.seen, *person.board_seen], done.began_s)

@@ -70,7 +70,9 @@ class Fault:
     goes_on: bool = True
     """Whether the robot obeys again at the end; otherwise `does` says what is right instead."""
     exports: bool = True
-    """Whether the data can be exported at the end."""
+    """Whether the lab can export the data at the end."""
+    is_kept: bool = True
+    """Whether there is a record at the end that everything acknowledged must be in."""
     is_long: bool = False
     """Takes minutes: only when asked for."""
 

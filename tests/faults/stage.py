@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 import httpx
 
 from app.session.private_text import with_words
+from study.store import open_store
 from tests.faults import processes
 from tests.faults.checker import Evidence
 from tests.faults.clock import PROGRAM, FalseClock
@@ -29,7 +30,7 @@ from tests.faults.proxy import BadNetwork
 from tests.faults.row import Setup
 from tests.support import lab_server
 from tests.support.lab_server import LabDidNotStart, LabServer
-from tests.support.wire_client import stored, write_study
+from tests.support.wire_client import write_study
 
 TRIAL_WITHIN_S = 60.0
 ASKED_WITHIN_S = 60.0
@@ -44,6 +45,8 @@ class Stage:
         self.setup = setup
         self.folder = folder
         self.data_dir = folder / "data"
+        self.record_dir = self.data_dir
+        """Where the record is at the end: elsewhere, when the data folder is gone and what it held was rescued."""
         self.disk = SmallDisk(self.data_dir, setup.disk, setup.disk_mb)
         self.clock = FalseClock(folder / "clock")
         self.network: BadNetwork | None = None
@@ -196,7 +199,7 @@ class Stage:
     def evidence(self, person: Person, exported: zipfile.ZipFile | None) -> Evidence:
         """What the record and the export hold of somebody."""
         name = person.name
-        with stored(self.lab) as store:
+        with open_store(self.record_dir, must_exist=True) as store:
             ticks, events = store.rows_of("ticks", name), store.rows_of("events", name)
             texts = with_words(events, store.identities(name))
             submissions = frozenset(
