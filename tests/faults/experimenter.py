@@ -11,7 +11,7 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 
-from tests.faults.person import Seen
+from tests.faults.memory import Seen
 from tests.support.lab_server import EXPERIMENTER_TOKEN
 
 HEALTH_EVERY_S = 0.25

@@ -6,9 +6,9 @@ import asyncio
 import contextlib
 import json
 import resource
+import sys
 import time
 
-import httpx
 from websockets.exceptions import ConnectionClosed
 
 from app.simulated.bot import BotError
@@ -17,24 +17,21 @@ from tests.faults import processes
 from tests.faults.person import Person
 from tests.faults.row import Fault, event, sign
 from tests.faults.stage import Stage
+from tests.support.lab_server import ROOT
 from tests.support.wire_client import visit
 
 FILES = 256
 IDLE_CONNECTIONS = 300
 FLOOD_S = 10.0
 NOTE_BYTES = 55_000
+TAKEN_PER_S = 100
+"""A page that says more than this is cut off, if it is read as fast as it says it at all."""
 HALF_SENT = 400
 HALF_SENT_WITHIN_S = 45.0
 """By then every request whose head never ended has been closed."""
 LOG_BYTES = 1_000_000
 GROWTH_BYTES = 100 * 2**20
 """How much the lab may grow in a flood. Without bounds it was 2.2 GB."""
-QUESTION = {
-    "condition": "balanced",
-    "position_m": [0.7, 0.0, 0.88],
-    "momentum": [0.0, 0.0, 0.0],
-    "goals_m": [[0.8, 0.3, 0.85], [0.8, -0.3, 0.85]],
-}
 
 
 async def _closed(writer: asyncio.StreamWriter) -> None:
@@ -117,8 +114,10 @@ async def flood_of_notes(stage: Stage) -> None:
     stage.notes.append(
         f"{sent} notes; refused with {sorted(refused) or 'nothing'}; socket {'closed' if closed else 'open'}"
     )
-    if not (refused and closed):
-        stage.problems.append("a flood of notes was not refused and its socket not closed")
+    if not refused:
+        stage.problems.append("no note of a flood was refused")
+    if not closed and sent > TAKEN_PER_S * FLOOD_S:
+        stage.problems.append(f"{sent} notes were taken from a page in {FLOOD_S:g} s, and its socket was not closed")
 
 
 async def flood_of_inputs(stage: Stage) -> None:
@@ -172,23 +171,13 @@ async def half_sent_requests(stage: Stage) -> None:
 
 async def flood_of_strangers(stage: Stage) -> None:
     """Forty strangers ask for pages, and for what the arbiter would do, as fast as they are answered."""
-    answered: dict[int, int] = {}
-
-    async def ask(number: int) -> None:
-        async with httpx.AsyncClient(
-            trust_env=False, timeout=20.0, base_url=f"http://{stage.direct_address}"
-        ) as client:
-            while time.monotonic() < ends_s:
-                with contextlib.suppress(httpx.HTTPError):
-                    if number % 4:
-                        answer = await client.get(("/", "/join", "/p/no-such-link")[number % 3])
-                    else:
-                        answer = await client.post("/api/arbiter/evaluate", json=QUESTION)
-                    answered[answer.status_code] = answered.get(answer.status_code, 0) + 1
-
     async with _Memory(stage):
-        ends_s = time.monotonic() + FLOOD_S
-        await asyncio.gather(*(ask(number) for number in range(40)))
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "tests.faults.strangers", stage.direct_address, str(FLOOD_S),
+            cwd=ROOT, stdout=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        said, _ = await process.communicate()
+    answered = {int(status): count for status, count in json.loads(said).items()}
     stage.notes.append(f"answers: {dict(sorted(answered.items()))}")
     wrong = {status: count for status, count in answered.items() if status >= 500 and status != 503}
     if wrong:

@@ -190,10 +190,11 @@ async def kill_exporter(stage: Stage) -> None:
 
 async def kill_dashboard_export(stage: Stage) -> None:
     """The process that exports for the dashboard dies: the experimenter is told, and asks again."""
-    before = {*processes.children(stage.pid), *processes.workers(stage.pid)}
+    before = set(processes.children(stage.pid))
 
     def fresh() -> list[int]:
-        return sorted({*processes.children(stage.pid), *processes.workers(stage.pid)} - before)
+        found = set(processes.children(stage.pid)) - before
+        return sorted(pid for pid in found if "multiprocessing" not in processes.command_of(pid))
 
     asking = asyncio.create_task(stage.asked("GET", "export"))
     try:

@@ -16,7 +16,8 @@ from playwright.async_api import Error as PlaywrightError
 from app.wire import CLIENT_MESSAGE, SERVER_MESSAGE, Ack, Error, Submit, Tick
 from app.wire import Page as LabPage
 from tests.conftest import CHROMIUM_ARGUMENTS
-from tests.faults.person import GOES_ON_AFTER_S, Hands, HeardTick, Person, Seen
+from tests.faults.memory import Hands, HeardTick, Seen
+from tests.faults.person import GOES_ON_AFTER_S, Person
 from tests.faults.row import CannotRun
 from tests.support import chromium
 from tests.support.lab_server import EXPERIMENTER_TOKEN

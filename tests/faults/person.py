@@ -2,7 +2,7 @@
 
     connect ─► hello ─► welcome ─► hear, beat, resend ─► (closed, or silent for too long) ─► wait ─► connect …
 
-Whatever it did and heard is kept with the time by this machine's monotonic clock (`Memory`), so that
+Whatever it did and heard is kept with the time by this machine's monotonic clock (`tests.faults.memory`), so that
 `tests.faults.checker` can hold the record against it.
 """
 
@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Literal
 from urllib.parse import urlsplit, urlunsplit
 
@@ -47,6 +47,7 @@ from app.wire import (
     World,
 )
 from study.flow.protocol import TERMINAL
+from tests.faults.memory import Hands, HeardTick, Memory, Seen
 from tests.support.wire_client import COMPREHENSION, Direction
 
 FIRST_RETRY_S = 0.4
@@ -61,50 +62,6 @@ GONE = (OSError, InvalidHandshake, InvalidMessage, ConnectionClosed, BotError, a
 ANSWERS_AFTER_S = 1.0
 GOES_ON_AFTER_S = 0.5
 """So long a person looks at a pause before they press the button."""
-
-
-@dataclass(frozen=True)
-class Hands:
-    """What the hands did from this moment on, whether or not the lab could hear of it."""
-
-    at_s: float
-    direction: Direction | None
-
-
-@dataclass(frozen=True)
-class HeardTick:
-    """A tick that the lab said is on disk. `life` counts the lab's starts."""
-
-    at_s: float
-    life: int
-    trial: int
-    tick: Tick
-
-
-@dataclass(frozen=True)
-class Seen:
-    """Something that somebody saw: a sign of the page, a line of the dashboard, an answer of the health route."""
-
-    at_s: float
-    kind: str
-    name: str
-    text: str = ""
-    data: Any = None
-
-
-@dataclass
-class Memory:
-    """Everything a page did and heard."""
-
-    hands: list[Hands] = field(default_factory=lambda: [Hands(0.0, None)])
-    presses: dict[int, str] = field(default_factory=dict)
-    """By the number of the input."""
-    ticks: list[HeardTick] = field(default_factory=list)
-    sent: dict[str, Submit] = field(default_factory=dict)
-    """What was handed in, by id."""
-    acknowledged: dict[str, float] = field(default_factory=dict)
-    refused: dict[str, Error] = field(default_factory=dict)
-    seen: list[Seen] = field(default_factory=list)
 
 
 class Person:
@@ -466,8 +423,3 @@ class Person:
     def _sight(world: World, task: Instruction, object_id: str) -> Sight:
         release_m = world.bins_m[task.bin] if task.bin else next(iter(world.bins_m.values()))
         return Sight(world.position_m, world.held, world.gripper, world.objects_m[object_id], release_m)
-
-
-def submitted_words(memory: Memory) -> dict[str, str]:
-    """What was said in calls for help, by the id under which it was handed in."""
-    return {identifier: str(given.data["text"]) for identifier, given in memory.sent.items() if given.step == "help"}

@@ -7,13 +7,14 @@ import contextlib
 import itertools
 import time
 from collections.abc import AsyncIterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from sim.interface import TICK_S
 from tests.faults.checker import Breach, Evidence, breaches, counts
-from tests.faults.person import HeardTick, Memory, Person, Seen
-from tests.faults.row import Fault, Sight
+from tests.faults.memory import HeardTick, Memory, Seen
+from tests.faults.person import Person
+from tests.faults.row import CannotRun, Fault, Sight
 from tests.faults.stage import Stage
 from tests.support.wire_client import Direction
 
@@ -87,8 +88,11 @@ async def hit(stage: Stage, fault: Fault) -> Hit:
     async with _meanwhile(person, f"in {fault.name} {number}", done):
         try:
             await fault.does(stage)
-        except AssertionError as error:
-            done.problems.append(str(error))
+        except CannotRun:
+            raise
+        except Exception as error:  # what the fault expected did not come: that is the finding
+            kind = "" if isinstance(error, AssertionError) else f"{type(error).__name__}: "
+            done.problems.append(f"{kind}{error}"[:400])
     done.began_s, done.ended_s, done.spent_s = stage.began_s, time.monotonic(), stage.spent_s
     if fault.goes_on:
         await _afterwards(person, done, number)
@@ -179,9 +183,12 @@ async def settled(stage: Stage, person: Person, *, exports: bool = True) -> tupl
     if not await person.until(lambda: person.sign == "paused", ACKNOWLEDGED_WITHIN_S):
         stage.notes.append(f"the session did not pause for the record to be read; the page says {person.sign!r}")
     await person.ticks(1, 2 * TICK_S)  # the one that was under way
-    exported = await stage.export() if exports else None
+    if not exports:
+        return person.remembered(), await asyncio.to_thread(stage.evidence, person, None)
+    before = await asyncio.to_thread(stage.evidence, person, None)
+    exported = await stage.export()
     record = await asyncio.to_thread(stage.evidence, person, exported)
-    return person.remembered(), record
+    return person.remembered(), replace(record, events_before=len(before.events))
 
 
 def standstill(ticks: Sequence[HeardTick], began_s: float, ended_s: float) -> float | None:

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from tests.faults.person import Seen
+from tests.faults.memory import Seen
 from tests.support.wire_client import SHORT
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import pytest
 from app.wire import Instruction, Submit, Tick
 from study.records import utc_text
 from tests.faults.checker import Evidence, breaches
-from tests.faults.person import Hands, HeardTick, Memory
+from tests.faults.memory import Hands, HeardTick, Memory
 from tests.support.study_samples import tick_row
 
 BEGAN_UNIX_S = 1_700_000_000.0
