@@ -20,6 +20,8 @@ from study.flow.answers import MAX_TEXT_CHARACTERS
 from study.flow.open_link import open_link
 from study.flow.page import Text
 from study.flow.roster import ACTS, Act, Enrolled
+from study.integrity.certificate import state_of
+from study.records import CertificateRow
 from study.store import Store, UnreadableSession
 
 PAGE = 50
@@ -69,6 +71,21 @@ class GridReply(BaseModel):
     lapsed ones hold no cell."""
 
 
+class CertificateReply(BaseModel):
+    """What was stored when somebody ended, against what their pages were told is saved."""
+
+    state: Literal["complete", "less", "more", "unconfirmed"]
+    """complete: the same; less or more: pages were told of so; unconfirmed: no page reported."""
+    ticks: int
+    """Ticks stored, practice included."""
+    messages: int
+    """Submits and notes stored."""
+    links: int
+    """Links of their chain by then."""
+    head: str
+    """Hash of the last of them."""
+
+
 class RosterLine(BaseModel):
     """One participant. `why_not` says for every act why it is not possible, "" where it is."""
 
@@ -94,6 +111,8 @@ class RosterLine(BaseModel):
     """Act to the reason why it is not possible; "" when it is."""
     problem: str | None = None
     """Why this session cannot be read; null as a rule."""
+    certificate: CertificateReply | None = None
+    """What was certified when they ended; null before."""
 
 
 class RecruitmentReply(BaseModel):
@@ -184,10 +203,28 @@ class QrRequest(RequestBody):
 
 def enrolment(
     store: Store,
-) -> tuple[list[Known], dict[str, str], dict[str, dict[str, str]], tuple[tuple[str, str], ...]]:
-    """Everybody, their labels, the ids of their links and the marks of those erased: as many queries for a thousand
-    as for one."""
-    return in_order_of_enrolment(*store.everyone()), store.labels(), store.link_ids(), store.erasures()
+) -> tuple[
+    list[Known], dict[str, str], dict[str, dict[str, str]], tuple[tuple[str, str], ...], dict[str, CertificateRow]
+]:
+    """Everybody, their labels, the ids of their links, the marks of those erased and the certificates: as many queries
+    for a thousand as for one."""
+    certificates = {row.participant: row for row in store.rows("certificates", include_demo=True, include_pilot=True)}
+    return (
+        *(in_order_of_enrolment(*store.everyone()), store.labels(), store.link_ids(), store.erasures()),
+        certificates,
+    )
+
+
+def _certificate(row: CertificateRow | None) -> CertificateReply | None:
+    if row is None:
+        return None
+    return CertificateReply(
+        state=state_of(row),
+        ticks=row.ticks + row.practice_ticks,
+        messages=row.messages,
+        links=row.links,
+        head=row.head,
+    )
 
 
 def _enrolled(lab: Lab, known: Known) -> Enrolled:
@@ -225,7 +262,7 @@ async def read_roster(
     ] = "",
 ) -> RosterReply:
     """One page of everybody ever enrolled, erased ones as a mark, and how the counterbalancing is filled."""
-    stored, labels, ids, erasures = await lab.store.run(enrolment)
+    stored, labels, ids, erasures, certificates = await lab.store.run(enrolment)
     people = {one.participant: (_enrolled(lab, one), one) for one in stored}
     lines = [
         RosterLine(
@@ -240,6 +277,7 @@ async def read_roster(
             created_utc=known.created_utc,
             why_not={act: roster.why_not(act, one) for act in ACTS},
             problem=one.problem or None,
+            certificate=_certificate(certificates.get(name)),
         )
         for name, (one, known) in people.items()
         if roster.matches(one, " ".join([labels.get(name, ""), *ids.get(name, {}).values()]), show, search)

@@ -8,7 +8,7 @@ import { isRefused } from "./api.js";
 import { erase, newLink, reject, withdraw } from "./roster_dialogs.js";
 import { gridTable, legend } from "./roster_grid.js";
 
-/** @import { RecruitmentReply, RosterLine, RosterReply } from "../../tests/javascript/api.d.ts" */
+/** @import { CertificateReply, RecruitmentReply, RosterLine, RosterReply } from "../../tests/javascript/api.d.ts" */
 /** @import { IconName } from "../common/dom.js" */
 /** @import { Toasts } from "../common/shell.js" */
 /** @import { Api } from "./api.js" */
@@ -46,6 +46,12 @@ const COUNTED = {
   pilot: "pilots",
   demo: "demos",
   erased: "erased",
+};
+const CERTIFIED = {
+  complete: "all that their pages were told is saved is stored",
+  less: "more is stored than their pages were told",
+  more: "their pages were told of more than is stored: see salab verify",
+  unconfirmed: "stored; no page has reported what it was told",
 };
 /** @type {Record<string, IconName>} */
 const SIGNS = {
@@ -279,6 +285,7 @@ export class Roster {
         { data: { column: "state" } },
         h("span", { class: "mark-line" }, sign && icon(sign), state),
         line.problem && h("small", {}, line.problem),
+        line.certificate && h("small", { data: { testid: "certificate" } }, certified(line.certificate)),
       ),
       h("td", {}, line.order.join(" → ") || "–"),
       h("td", {}, day(line.erased_utc ?? line.created_utc)),
@@ -337,4 +344,12 @@ export class Roster {
  */
 function day(utc) {
   return utc ? new Date(utc).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–";
+}
+
+/**
+ * @param {CertificateReply} certificate
+ * @returns {string}
+ */
+function certified({ state, ticks, messages, head }) {
+  return `${CERTIFIED[state]} (${ticks} ticks, ${messages} messages, chain ${head.slice(0, 8)})`;
 }

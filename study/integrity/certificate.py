@@ -10,12 +10,13 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from study.integrity.chain import Head
 from study.integrity.findings import Finding
 from study.records import CertificateRow, ChainRow
 
+State: TypeAlias = Literal["complete", "less", "more", "unconfirmed"]
 COUNTED = ("ticks", "practice_ticks", "survey_answers")
 """Tables whose rows are counted: those of a participant who has ended grow no more."""
 
@@ -40,7 +41,7 @@ def told(reports: Iterable[Mapping[str, Any]]) -> tuple[int, int] | None:
     return (sum(phases.values()), sum(messages.values())) if messages else None
 
 
-def state_of(row: CertificateRow) -> str:
+def state_of(row: CertificateRow) -> State:
     """complete, less (pages were told of less than is stored: the last words did not reach them), more (of what is not
     stored: something is lost), or unconfirmed (no page reported)."""
     if row.told_ticks is None or row.told_messages is None:

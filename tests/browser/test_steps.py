@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.support.fake_lab import FakeLab
-from tests.support.fake_pages import CONTENT
+from tests.support.fake_pages import CONTENT, tick
 from tests.support.participant_page import driving, opened, visible
 
 if TYPE_CHECKING:
@@ -109,3 +109,18 @@ def test_stopping_asks_once_and_ends_with_thanks(page: Page, lab: FakeLab) -> No
     withdrawals = [message for message in lab.received if message.get("step") == "withdraw"]
     assert [message["data"] for message in withdrawals] == [{"reason": None}]
     assert page.get_by_test_id("stop-button").is_hidden()
+
+
+def test_once_it_is_over_the_page_reports_what_it_was_told_is_saved(page: Page, lab: FakeLab) -> None:
+    driving(page, lab)
+    for number in (0, 1, 2):
+        lab.send(tick(number))
+    page.get_by_test_id("stop-button").click()
+    page.get_by_test_id("dialog-confirm").click()
+    visible(page, "page-withdrawn")
+    report = lab.wait_for(lambda message: message.get("name") == "received")
+    (withdrawal,) = [message for message in lab.received if message.get("step") == "withdraw"]
+    assert lab.received.index(withdrawal) < lab.received.index(report)
+    acknowledged = [one for one in lab.received if one.get("id") and one.get("name") != "received"]
+    assert report["data"]["acknowledged"] == len({one["id"] for one in acknowledged})
+    assert max(report["data"]["ticks"].values()) >= 3

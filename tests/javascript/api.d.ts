@@ -167,6 +167,15 @@ export interface CellReply {
   cell: "waiting" | "under_way" | "done";
 }
 
+/** What was stored when somebody ended, against what their pages were told is saved. */
+export interface CertificateReply {
+  state: "complete" | "less" | "more" | "unconfirmed";
+  ticks: number;
+  messages: number;
+  links: number;
+  head: string;
+}
+
 /** One order of the conditions. The next participant gets the order marked `next`. */
 export interface GridReply {
   order: Array<string>;
@@ -196,6 +205,7 @@ export interface RosterLine {
   created_utc: string | null;
   why_not: Record<string, string>;
   problem: string | null;
+  certificate: CertificateReply | null;
 }
 
 /** One page of the roster, newest first, beside the whole grid. */
