@@ -99,7 +99,7 @@ function remarks(session) {
         session.causes.includes("fault") && session.pause_reason ? ` (${session.pause_reason})` : ""
       }`,
     );
-  if (session.not_saving) list.push(session.not_saving);
+  if (session.not_saving) list.push(session.not_saving.replace(/\.$/, ""));
   if (session.robot_problem) list.push(`robot: ${session.robot_problem}`);
   if (session.overruns > 0) list.push(`${session.overruns} late ${session.overruns === 1 ? "tick" : "ticks"}`);
   if (session.frees > 0) list.push(`arm freed ${session.frees === 1 ? "once" : `${session.frees} times`}`);

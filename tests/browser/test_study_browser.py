@@ -1,7 +1,7 @@
 """A shortened study in a real browser on the real pybullet Fetch, from the link to the thanks.
 
-One object a trial. Trial 1 by gamepad, as it should go; then the pad is unplugged and the keyboard takes over:
-trial 2 knocks its object over, trial 3 drops it outside the bin.
+Two trials of one object each. The first by gamepad, as it should go; then the pad is unplugged and the keyboard takes
+over, and the object of the second is knocked over.
 """
 
 from __future__ import annotations
@@ -34,17 +34,13 @@ STEP_M = SPEED_M_S * 0.5
 
 @pytest.fixture
 def short_study(tmp_path: Path) -> Path:
-    """The paper's study with one object a trial and a somewhat faster arm."""
+    """The paper's study with two conditions, one object a trial and a somewhat faster arm."""
     text = DEFAULT_STUDY.read_text(encoding="utf-8")
     for before, after in (
         ("pickups_per_trial = 3", "pickups_per_trial = 1"),
-        # The last trial needs a steady hand: nobody but the person moves the arm in it.
-        (
-            'id = "balanced"\narbiter = "balanced"\nalpha = "calibrated"',
-            'id = "again"\narbiter = "teleoperation"\nalpha = 0',
-        ),
         ("every_s = 20.0", "every_s = 40.0"),
-        ('practice_task = "round"', 'practice_task = "table"'),  # shorter: three times half a minute
+        ('practice_task = "round"', 'practice_task = "table"'),  # shorter: half a minute
+        (text[text.index('[[conditions]]\nid = "balanced"') : text.index("[arbiter]")], ""),
     ):
         assert before in text
         text = text.replace(before, after)
@@ -127,18 +123,6 @@ def whole_study(
     person.knock_over(spec.size_m[2] - spec.grasp_height_m - 0.02)
     person.survey()
 
-    person.at("break")
-    page.get_by_test_id("continue-button").click()
-    practise(person)
-    person.start()
-    person.drive(Pilot(STEP_M), lambda world, tick: finished(world, tick) or tick["instruction"]["kind"] == "dropoff")
-    if person.seen("tick")["status"] != "finished":
-        person.go_to((0.66, None, None))  # in front of the table, and well between the bins
-        person.go_to((None, max(-0.18, min(0.18, person.seen("world")["position_m"][1])), None))
-        person.press_gripper("open")
-        person.wait_for(finished)
-    person.survey()
-
     person.at("debrief")
     page.get_by_test_id("debrief-submit").click()
     person.at("done")
@@ -147,24 +131,13 @@ def whole_study(
     with open_store(lab.data_dir, must_exist=True) as store:
         export(store, tmp_path / "out")
     tasks = read_table(tmp_path / "out", "tasks")
-    assert [(task.trial, task.kind) for task in tasks] == [
-        (n, kind) for n in (1, 2, 3) for kind in ("pickup", "dropoff")
-    ]
+    assert [(task.trial, task.kind) for task in tasks] == [(n, kind) for n in (1, 2) for kind in ("pickup", "dropoff")]
     picked = {task.trial: task for task in tasks if task.kind == "pickup"}
     dropped = {task.trial: task for task in tasks if task.kind == "dropoff"}
     assert picked[2].outcome == "failure"
     assert picked[2].reason in ("knocked_over", "off_table", "out_of_reach")
-    # On a busy machine even a careful person may fail at a pickup; what follows from it is the same each time.
-    for trial, pickup in picked.items():
-        if pickup.outcome == "failure":
-            assert (dropped[trial].outcome, dropped[trial].reason) == ("not_run", "pickup_failed")
-    if picked[1].outcome == "success":
-        assert dropped[1].outcome == "success"
-    if picked[3].outcome == "success":
-        # Beside the bin, or on the edge of the table if the arm came to rest a little late.
-        assert dropped[3].outcome == "failure"
-        assert dropped[3].reason in ("outside_bin", "left_on_table")
-    assert "success" in (picked[1].outcome, picked[3].outcome)
+    assert (dropped[2].outcome, dropped[2].reason) == ("not_run", "pickup_failed")
+    assert (picked[1].outcome, dropped[1].outcome) == ("success", "success")
     (participant,) = read_table(tmp_path / "out", "participants")
     assert participant.state == "done"
     ticks = read_table(tmp_path / "out", "ticks")
@@ -178,8 +151,8 @@ def whole_study(
     assert len(away) >= 5 * len(answered), "an alert forces the hands off for at least five ticks"
     answers = read_table(tmp_path / "out", "survey_answers")
     per_trial = [(answer.trial, answer.instrument) for answer in answers if answer.trial is not None]
-    assert all(per_trial.count((trial, "sus_modified")) == 10 for trial in (1, 2, 3))
-    assert all(per_trial.count((trial, "tlx_raw")) == 6 for trial in (1, 2, 3))
+    assert all(per_trial.count((trial, "sus_modified")) == 10 for trial in (1, 2))
+    assert all(per_trial.count((trial, "tlx_raw")) == 6 for trial in (1, 2))
     received = "\n".join(page.evaluate("() => window.__seen.frames"))
     for word in ("belief", "entropy", "goal_oriented", "balanced", "teleoperation"):
         assert word not in received
