@@ -206,6 +206,24 @@ def test_there_are_never_more_connections_than_files(monkeypatch: pytest.MonkeyP
     assert asked == [(4128, 524_288), (1024, 1024), (256, 256)]
 
 
+def reached(lab: LabServer, bound: str) -> float:
+    """How often, as the lab's metrics tell."""
+    text = httpx.get(f"{lab.base_url}/api/metrics", headers=lab.headers, trust_env=False).text
+    found = re.search(rf'salab_bounds_reached_total{{bound="{bound}"}} (\S+)', text)
+    return float(found[1]) if found else 0.0
+
+
+def test_who_takes_nothing_of_what_was_asked_for_is_cut_off(lab: LabServer) -> None:
+    before, until_s = reached(lab, "unread"), time.monotonic() + WAIT_S
+    ask = b"GET /static-offline-docs/swagger-ui-bundle.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with dial(lab) as connection:
+        connection.sendall(ask * 40)  # more than any buffer on the way holds
+        while reached(lab, "unread") == before:
+            assert time.monotonic() < until_s, "it was not cut off"
+        assert b"HTTP/1.1 200 " in rest(connection)  # as much as had come
+    assert goes_on(lab)
+
+
 # --- sockets -----------------------------------------------------------------------------------------------------
 
 
