@@ -13,6 +13,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
     rows          a recorded row as SQLite takes it
     ledger        what a transaction wrote, and the links of the chain made of it
     certificates  what there was of somebody who has ended, signed
+    page_sums     checksums of the pages while no lab runs
     backup        a copy of the data folder while a lab runs, and the way back
     verification  whether a data folder holds what was recorded
     participants  who takes part: order, session, tokens, identities, the cell given out again

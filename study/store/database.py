@@ -26,6 +26,7 @@ from sqlalchemy.dialects.sqlite import insert as insert_or_update
 from study.store import ledger, migration
 from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
 from study.store.fingerprint import fingerprint_text, machine_fingerprint
+from study.store.page_sums import forget_sums, write_sums
 from study.store.private_files import FOLDER_MODE, keep_private, make_private
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
@@ -116,6 +117,7 @@ class Database:
             self._anchor.close()
             self._anchor = None
         if self._lock:
+            write_sums(self.path)
             self._lock.close()
             self._lock = None
 
@@ -256,6 +258,7 @@ class Database:
             is_marked = True
         if is_reader:
             return
+        forget_sums(self.path)
         text = fingerprint_text(machine_fingerprint())
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         machine = {"hash": hashlib.sha256(text.encode()).hexdigest(), "fingerprint": text, "first_utc": now}
@@ -275,6 +278,7 @@ class Database:
                 revision = migration.revision_of(connection, existing, self.path)
             if revision != migration.HEAD:
                 migration.copy_aside(self.path, revision)
+                forget_sums(self.path)
                 with self._rebuilding() as connection:
                     METADATA.create_all(connection, tables=[VERSION])
                     migration.bring_up(connection, self.path, revision)

@@ -21,6 +21,7 @@ from study.integrity.findings import Finding, Verdict
 from study.integrity.signing import is_signed
 from study.records import CertificateRow, ChainRow
 from study.store.migration import CHAINED_SINCE, FIRST
+from study.store.page_sums import changed_pages
 from study.store.values import StoreError
 
 FILE_NAME = "lab.sqlite"
@@ -44,7 +45,7 @@ def verify_data(folder: Path) -> Verdict:
             connection.row_factory = _as_mapping
             connection.text_factory = _text
             connection.execute("BEGIN")  # one moment, whatever is written meanwhile
-            return _File(connection).verdict()
+            return _File(connection, path).verdict()
     except _UNREADABLE as error:
         return Verdict((Finding(FILE_NAME, f"cannot be read: {_said(error)}"),), 0, 0)
 
@@ -52,12 +53,13 @@ def verify_data(folder: Path) -> Verdict:
 class _File:
     """The database as of one moment."""
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
+        self._path = path
         self._links = 0
 
     def verdict(self) -> Verdict:
-        findings, participants, notes = list(self._pages()), 0, []
+        findings, participants, notes = [*self._pages(), *self._at_rest()], 0, []
         try:
             revision = self._revision()
             findings += self._references()
@@ -97,6 +99,11 @@ class _File:
                     yield Finding(self._place_of(text), text.removeprefix("*** in database main *** "))
         except _UNREADABLE as error:
             yield Finding(FILE_NAME, f"its pages are damaged: {_said(error)}")
+
+    def _at_rest(self) -> Iterator[Finding]:
+        """Pages that are not as the lab left them when it ended."""
+        for number in changed_pages(self._path):
+            yield Finding(self._place_of(f"page {number}"), f"page {number} is not as the lab left it")
 
     def _place_of(self, text: str) -> str:
         """The file, and the table or index whose page SQLite names by a number."""

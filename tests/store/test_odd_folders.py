@@ -27,7 +27,7 @@ def test_the_database_is_in_the_folder_that_was_named(own_folder: Path, name: st
     with open_store(folder, exclusive=True) as store:
         one = store.create_participant(shipped_study(), seed=1, public_id="public", utc="2026-01-01T00:00:00.000Z")
     assert os.listdir(own_folder) == [name]
-    assert set(os.listdir(own_folder / name)) == {"lab.sqlite", "lab.lock"}
+    assert set(os.listdir(own_folder / name)) == {"lab.sqlite", "lab.lock", "lab.pages"}
     with open_store(folder, must_exist=True) as store:
         assert store.sessions() == (one,)
 
