@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -10,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from study.definition.files_beside import MOST_STUDY_BYTES
-from study.export.data_package import descriptor_sums, parquet_rows, same_in_parquet
-from study.export.export import ExportError, read_meta, read_table
+from study.export.data_package import descriptor_sums, file_names, parquet_rows, same_in_parquet
+from study.export.export import META_NAME, ExportError, read_meta, read_table
 from study.integrity.certificate import check_certificate
 from study.integrity.chain import Linked, ReadChain
-from study.integrity.checksums import changed_files, check_sums
+from study.integrity.checksums import SUMS_NAME, changed_files, check_sums
 from study.integrity.content import OWN_KEYS, key_of
 from study.integrity.findings import Finding, Verdict
 from study.integrity.signing import is_signed
@@ -33,12 +34,17 @@ def verify_export(folder: Path) -> Verdict:
 def refuse_changed(folder: Path) -> None:
     """Raises `ExportError` with one line when files of an export are not as they were written."""
     read_meta(folder)  # says so when there is no export
-    found = changed_files(check_sums(folder, descriptor_sums(folder)))
+    found = changed_files(_file_findings(folder))
     if found:
         raise ExportError(
             f"{folder}: changed since the export: {found}; export the data again, see `salab verify {folder}`, or say "
             "--changed to take the files as they are"
         )
+
+
+def _file_findings(folder: Path) -> Iterator[Finding]:
+    known = {*file_names(), *(path.name for path in folder.glob("study*.toml"))} - {SUMS_NAME}
+    return check_sums(folder, descriptor_sums(folder), known)
 
 
 class _Export:
@@ -52,10 +58,12 @@ class _Export:
         self._ticks: Counter[tuple[str, int]] = Counter()
 
     def verdict(self) -> Verdict:
-        findings = list(check_sums(self._folder, descriptor_sums(self._folder)))
+        findings = list(_file_findings(self._folder))
         findings += self._studies()
-        counted = self._meta.get("rows")
-        has_chain = not isinstance(counted, dict) or CHAIN in counted
+        told = self._meta.get("rows")
+        # A table is there when its file is, too: no word in `meta.json` hides one from being looked at.
+        counted = {name for name in TABLES if not isinstance(told, dict) or name in told or self._has(f"{name}.csv")}
+        has_chain = CHAIN in counted
         chains: dict[str, ReadChain] = {}
         links = []
         if has_chain:
@@ -63,7 +71,6 @@ class _Export:
             chains = {who: ReadChain(who, map(Linked, rows)) for who, rows in _by_participant(links).items()}
             findings += [finding for chain in chains.values() for finding in chain.findings]
         notes = [] if has_chain else ["written before there was a chain: rows can be compared with checksums alone"]
-        counted = counted if isinstance(counted, dict) else dict.fromkeys(TABLES)
         # Ticks come before trials, whose rows are counted from them while they run.
         for table in sorted(
             (name for name in TABLES if name != CHAIN and name in counted), key=lambda name: name == "trials"
@@ -83,6 +90,9 @@ class _Export:
         findings += self._references()
         people = len(self._keys.get("participants", ()))
         return Verdict(tuple(findings), people, len(links), tuple(notes))
+
+    def _has(self, name: str) -> bool:
+        return os.path.lexists(self._folder / name)
 
     def _read(self, table: str, findings: list[Finding]) -> list[Any] | None:
         """The rows of a table, their Parquet compared; None, and a finding, when they cannot be read."""
@@ -155,9 +165,13 @@ class _Export:
                 hashes[hashlib.sha256(raw).hexdigest()] = path.name
             except FileProblem as problem:
                 yield Finding(path.name, problem.reason)
-        for study in self._meta.get("studies", ()):
+        told = self._meta.get("studies", [])
+        if not isinstance(told, list):
+            yield Finding(META_NAME, f"studies is {str(told)[:40]!r}, must be a list of hashes")
+            return
+        for study in map(str, told):
             if study not in hashes:
-                yield Finding("study.toml", f"no study file here is the one of hash {str(study)[:12]}")
+                yield Finding("study.toml", f"no study file here is the one of hash {study[:12]}")
 
 
 def _by_participant(rows: Sequence[Any]) -> dict[str, list[Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from study.integrity.findings import Finding
@@ -28,9 +28,13 @@ def sums_of(sums: Mapping[str, str]) -> str:
     return "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(sums.items()))
 
 
-def check_sums(folder: Path, described: Mapping[str, str] = {}) -> Iterator[Finding]:
-    """Files that are changed or missing. `described` is what another file says of their SHA-256: where it agrees with a
-    file, the checksum is what was changed."""
+def check_sums(folder: Path, described: Mapping[str, str] = {}, known: Collection[str] = ()) -> Iterator[Finding]:
+    """Files that are changed or missing, or have no checksum.
+
+    `described` is what another file says of their SHA-256: where it agrees with a file, the checksum is what was
+    changed; where it disagrees with both, somebody made the checksum anew. `known` are names that have a checksum
+    whenever there is such a file.
+    """
     try:
         raw = read_bytes(folder / SUMS_NAME, MOST_SUMS_BYTES, within=folder)
     except FileProblem as problem:
@@ -38,6 +42,12 @@ def check_sums(folder: Path, described: Mapping[str, str] = {}) -> Iterator[Find
         yield Finding(SUMS_NAME, "is missing: nothing says what the files were" if is_missing else problem.reason)
         return
     lines = raw.decode("utf-8", "backslashreplace").split("\n")
+    summed = {line.partition("  ")[2] for line in lines}
+    for name in sorted({*described, *known} - summed):
+        if os.path.lexists(folder / name):
+            yield Finding(SUMS_NAME, f"has no line of {name}")
+        elif name in described:
+            yield Finding(name, "is missing, and its checksum")
     for number, line in enumerate(filter(None, lines), start=1):
         sha256, gap, name = line.partition("  ")
         if not gap or Path(name).name != name or name in ("", ".", ".."):
@@ -58,6 +68,8 @@ def check_sums(folder: Path, described: Mapping[str, str] = {}) -> Iterator[Find
         elif found != sha256:
             sure = described.get(name, found) == sha256
             yield Finding(name, f"is changed{'' if sure else f', or its line in {SUMS_NAME} is'}")
+        elif described.get(name, found) != found:
+            yield Finding(name, "is not the file that is described elsewhere, though its checksum fits")
 
 
 def changed_files(findings: Iterable[Finding]) -> str:

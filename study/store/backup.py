@@ -67,7 +67,7 @@ def restore(backup: Path, folder: Path) -> Verdict:
         note = None
     if not isinstance(note, dict) or note.get("format") != FORMAT:
         raise StoreError(f"{backup}: no backup here; give the folder that `salab backup` wrote")
-    changed = changed_files(check_sums(backup))
+    changed = changed_files(check_sums(backup, known=(FILE_NAME, NOTE_NAME, *KEPT)))
     if changed:
         raise StoreError(f"{backup}: changed since the backup: {changed}; nothing was restored")
     verdict = verify_data(backup)

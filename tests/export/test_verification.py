@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import random
 import shutil
 from collections.abc import Callable, Iterator
@@ -12,6 +13,7 @@ import pytest
 
 from study.export.export import ExportError, export, read_table
 from study.export.verification import refuse_changed, verify_export
+from study.integrity.checksums import SUMS_NAME, digest, sums_of
 from study.integrity.findings import Finding
 from study.records import StudyError
 from study.store import Store, open_store
@@ -179,3 +181,46 @@ def test_the_analysis_refuses_what_was_changed_with_one_line(
     assert status == 1 and "tasks of P001, trial 1, task 1: column reason is not as recorded" in said
     status, _, error = run(capsys, "verify")
     assert status == 1 and "Name an export" in error
+
+
+def summed_again(folder: Path) -> None:
+    """`SHA256SUMS` made anew of the files as they are."""
+    names = [line.partition("  ")[2] for line in (folder / SUMS_NAME).read_text().splitlines()]
+    (folder / SUMS_NAME).write_text(sums_of({name: digest(folder / name) for name in names}))
+
+
+@pytest.mark.parametrize("name", ["codebook.csv", "meta.json", "questionnaires.json", "ticks.parquet"])
+def test_a_change_whose_checksum_was_made_anew_is_found(folder: Path, name: str) -> None:
+    raw = (folder / name).read_bytes()
+    at = raw.index(b"participant") if b"participant" in raw else raw.index(b"item")
+    (folder / name).write_bytes(raw[:at] + raw[at : at + 4].upper() + raw[at + 4 :])
+    summed_again(folder)
+    assert f"{name}: is not the file that is described elsewhere, though its checksum fits" in told(folder)
+    with pytest.raises(ExportError, match=f"changed since the export: {name}"):
+        refuse_changed(folder)
+
+
+@pytest.mark.parametrize("name", ["ticks.csv", "meta.json", "study.toml", "datapackage.json"])
+def test_a_file_without_a_checksum_is_named(folder: Path, name: str) -> None:
+    lines = (folder / SUMS_NAME).read_text().splitlines(keepends=True)
+    (folder / SUMS_NAME).write_text("".join(line for line in lines if not line.endswith(f"  {name}\n")))
+    assert told(folder) == [f"SHA256SUMS: has no line of {name}"]
+    with pytest.raises(ExportError, match="changed since the export: SHA256SUMS"):
+        refuse_changed(folder)
+
+
+def test_checksums_that_were_emptied_say_nothing_is_as_it_was(folder: Path) -> None:
+    (folder / SUMS_NAME).write_text("")
+    (folder / "codebook.csv").unlink()
+    found = told(folder)
+    assert "codebook.csv: is missing, and its checksum" in found and "SHA256SUMS: has no line of ticks.csv" in found
+
+
+def test_no_word_in_the_meta_file_hides_the_chain_or_ends_the_look(folder: Path) -> None:
+    meta = json.loads((folder / "meta.json").read_text())
+    del meta["rows"]["chain"]
+    (folder / "meta.json").write_text(json.dumps({**meta, "studies": None}))
+    edit(folder, "survey_answers", lambda rows: rows[0].update(value="7"))
+    found = told(folder)
+    assert any(line.startswith("survey_answers of P001, row 1: column value is not as") for line in found), found
+    assert "meta.json: studies is 'None', must be a list of hashes" in found

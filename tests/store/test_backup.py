@@ -54,6 +54,17 @@ def test_a_changed_backup_is_refused_and_nothing_is_made(store: Store, tmp_path:
     assert not (tmp_path / "again").exists()
 
 
+@pytest.mark.parametrize("left", ["", "lab.sqlite", "backup.json"])
+def test_a_backup_whose_checksums_are_cut_off_is_refused(store: Store, tmp_path: Path, left: str) -> None:
+    back_up(tmp_path / "data", tmp_path / "copy", UTC)
+    sums = tmp_path / "copy" / "SHA256SUMS"
+    lines = sums.read_text().splitlines(keepends=True)
+    sums.write_text("".join(line for line in lines if left and line.endswith(f"  {left}\n")))
+    with pytest.raises(StoreError, match="changed since the backup: SHA256SUMS; nothing was restored"):
+        restore(tmp_path / "copy", tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
 def test_a_backup_of_changed_data_says_so_and_is_not_restored(store: Store, tmp_path: Path) -> None:
     with closing(sqlite3.connect(store.path)) as connection, connection:
         connection.execute("UPDATE ticks SET digest = 'x' WHERE tick = 3 AND participant = 'P001'")
