@@ -46,6 +46,7 @@ from study.flow.distractors.state import DistractorState
 from study.flow.flow import FLOW, Flow
 from study.flow.open_link import ids_among
 from study.flow.roster import EnrolmentKind
+from study.integrity.signing import key_problem
 from study.parts.errors import PartError
 from study.records import EventRow, StudyError, utc_text
 from study.store import (
@@ -196,6 +197,8 @@ class Lab:
             asyncio.create_task(self._look_after_sessions(), name="look after sessions"),
             asyncio.create_task(self.health.watch(), name="watch health"),
         )
+        if reason := key_problem(self.config.data_dir):
+            log.warning("who ends gets no certificate: put the key of a backup back", extra=about(reason=reason))
         log.info("the lab serves", extra=about(robot=self.config.robot, pace=self.config.pace, scene=self.config.scene))
 
     async def close(self) -> None:

@@ -25,6 +25,16 @@ def public_key(folder: Path) -> str:
     return str(_key(folder).public_key().public_bytes_raw().hex())
 
 
+def key_problem(folder: Path) -> str:
+    """Why the key of a data folder cannot be used; "" when it can, or is yet to be made."""
+    try:
+        if (folder / KEY_NAME).exists():
+            _key(folder)
+    except (OSError, ValueError) as error:
+        return f"{folder / KEY_NAME}: {error}"
+    return ""
+
+
 def is_signed(key: str, text: str, signature: str) -> bool:
     """Whether a public key's owner signed this text."""
     from cryptography.exceptions import InvalidSignature

@@ -34,6 +34,7 @@ def back_up(folder: Path, out: Path, utc: str) -> Verdict:
     source = folder / FILE_NAME
     if not source.is_file():
         raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
+    _refuse_inside(out, folder, "a backup is lost with the folder that it lies in, and erasing does not reach it")
     with _made_whole(out) as made:
         address = f"file:{quote(str(source.absolute()))}?mode=ro"
         with (
@@ -73,11 +74,17 @@ def restore(backup: Path, folder: Path) -> Verdict:
     verdict = verify_data(backup)
     if verdict.findings:
         raise StoreError(f"{backup}: not as recorded: {verdict.findings[0]}; nothing was restored")
+    _refuse_inside(folder, backup, "a backup stays as it was written")
     with _made_whole(folder) as made:
         for name in (FILE_NAME, *KEPT):
             if (backup / name).is_file():
                 shutil.copyfile(backup / name, made / name)
     return verdict
+
+
+def _refuse_inside(place: Path, folder: Path, why: str) -> None:
+    if place.resolve().is_relative_to(folder.resolve()) and place.resolve() != folder.resolve():
+        raise StoreError(f"{place}: lies in {folder}; {why}; choose another place")
 
 
 @contextmanager

@@ -108,3 +108,13 @@ def test_the_commands_tell_what_they_did(store: Store, tmp_path: Path, capsys: p
     assert status == 0 and "as recorded" in said
     status, _, error = run(capsys, "restore", str(tmp_path / "copy"), "--data", str(tmp_path / "again"))
     assert status == 1 and error.count("\n") == 1 and "there already" in error
+
+
+def test_a_backup_in_the_data_folder_and_a_data_folder_in_a_backup_are_refused(store: Store, tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="erasing does not reach it; choose another place"):
+        back_up(tmp_path / "data", tmp_path / "data" / "backups" / "monday", UTC)
+    assert not (tmp_path / "data" / "backups").exists()
+    back_up(tmp_path / "data", tmp_path / "copy", UTC)
+    with pytest.raises(StoreError, match="a backup stays as it was written"):
+        restore(tmp_path / "copy", tmp_path / "copy" / "data")
+    assert not (tmp_path / "copy" / "data").exists()

@@ -15,6 +15,7 @@ from study.export.export import export
 from study.export.verification import verify_export
 from study.flow.flow import FLOW
 from study.integrity.certificate import state_of
+from study.integrity.signing import KEY_NAME, key_problem, public_key
 from study.records import CertificateRow, EventRow
 from study.store import Batch, Store, Submission, open_store, verify_data
 from tests.support.study_samples import UTC, answer_row, shipped_study, tick_row, trial_row
@@ -140,3 +141,12 @@ def test_the_command_prints_what_to_keep_elsewhere(
     assert first.startswith("P001") and heads["P001"].hash in first and "complete, signed at link" in first
     assert second.startswith("P002") and second.endswith("no certificate")
     assert certified(store).key in key and everything.startswith("all       2  ")
+
+
+def test_a_key_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+    assert key_problem(tmp_path) == ""  # it is made when it is needed
+    public_key(tmp_path)
+    assert key_problem(tmp_path) == ""
+    for damaged in ("", "garbage", "00"):
+        (tmp_path / KEY_NAME).write_text(damaged)
+        assert str(tmp_path / KEY_NAME) in key_problem(tmp_path)
