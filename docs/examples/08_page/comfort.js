@@ -51,9 +51,15 @@ export function view({ socket }, page) {
     error.hidden = true;
     const chosen = radios.find((radio) => radio.checked);
     if (!chosen) return say("Please choose a point of the scale.");
-    if (choices > 1) socket.note("own.changed", { times: Math.min(choices - 1, 1000) });
     const data = { sure: Number(chosen.value), hard: hard.value };
-    whileBusy(go, "Saving", () => socket.submit("comfort", data).catch(() => {}));
+    // Noted once, when what was chosen has been taken.
+    const noted = () => choices > 1 && socket.note("own.changed", { times: Math.min(choices - 1, 1000) });
+    whileBusy(go, "Saving", () =>
+      socket
+        .submit("comfort", data)
+        .then(noted)
+        .catch(() => {}),
+    );
   });
   // What the lab refuses about a field of this page is said here, not in a message of its own.
   const close = socket.on("refused", (event) => {
