@@ -8,7 +8,7 @@ import json
 import logging
 import secrets
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -144,7 +144,7 @@ class Lab:
         self._live: dict[str, LiveSession] = {}
         self._opening: dict[str, asyncio.Lock] = {}
         self._tasks: tuple[asyncio.Task[None], ...] = ()
-        self._notes: set[asyncio.Task[None]] = set()
+        self._later: set[asyncio.Task[None]] = set()
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
         self._workers = worker_context(config.robot)
@@ -203,9 +203,9 @@ class Lab:
 
     async def close(self) -> None:
         """End every worker and close the store. Sessions go on where they were when a lab opens again."""
-        for task in (*self._tasks, *self._notes):
+        for task in (*self._tasks, *self._later):
             task.cancel()
-        await asyncio.gather(*self._tasks, *self._notes, return_exceptions=True)
+        await asyncio.gather(*self._tasks, *self._later, return_exceptions=True)
         await self._discard_made()
         for one in await asyncio.gather(*(live.close() for live in self._live.values()), return_exceptions=True):
             if isinstance(one, Exception):
@@ -312,9 +312,13 @@ class Lab:
             if (kind, value) not in store.identities(participant):
                 store.add_identity(participant, kind, value)
 
-        noting = asyncio.create_task(self.store.keep(write), name="note identity")
-        self._notes.add(noting)
-        noting.add_done_callback(self._notes.discard)
+        self.later(self.store.keep(write), "note identity")
+
+    def later(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Have something done that nobody waits for."""
+        task = asyncio.create_task(work, name=name)
+        self._later.add(task)
+        task.add_done_callback(self._later.discard)
 
     def link(self, token: str, role: Literal["participant", "panel"] = "participant") -> str:
         """The link that carries a token."""

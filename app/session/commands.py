@@ -38,6 +38,14 @@ class NotNow(LabError):
     """An act that is not possible in the session's state; the text says why."""
 
 
+class CannotSave(NotNow):
+    """An act that the disk does not take now. `is_waiting`: it was begun, and is done when the lab can save again."""
+
+    def __init__(self, text: str, is_waiting: bool = False) -> None:
+        super().__init__(text)
+        self.is_waiting = is_waiting
+
+
 @dataclass(frozen=True)
 class Command:
     """An act that changes a session. `words` say why, in the experimenter's own words."""

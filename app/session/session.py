@@ -23,7 +23,7 @@ from typing import Any, Literal
 
 from app.monitoring.log_lines import about
 from app.session import pages
-from app.session.commands import EVENTS, Circumstances, Command, NotNow, Remark, refuse_unless
+from app.session.commands import EVENTS, CannotSave, Circumstances, Command, NotNow, Remark, refuse_unless
 from app.session.connections import Connections, panel_page, refuse
 from app.session.context import SessionContext
 from app.session.hands import Hands
@@ -169,8 +169,10 @@ class LiveSession:
         self._left_s = self._services.now_unix_s()
 
     def deserted(self, for_s: float) -> bool:
-        """Whether nobody has been connected for so long. It can then be closed: it is brought back where it was."""
-        alone = not self.connected and not self.panel_connected and self._queue.empty()
+        """Whether nobody has been connected for so long. It can then be closed: it is brought back where it was. While
+        the lab cannot save it holds what must not be lost."""
+        idle = self._queue.empty() and self._context.saving.trouble is None
+        alone = not self.connected and not self.panel_connected and idle
         return alone and self._services.now_unix_s() - self._left_s > for_s
 
     # ---- what spectators read ------------------------------------------------------------------------------------
@@ -290,7 +292,7 @@ class LiveSession:
         """Queue a piece of work and wait until it has been dealt with. Raises `NotNow` when that is not in sight."""
         refuses = self._context.saving.refuses
         if refuses:
-            raise NotNow(refuses)
+            raise CannotSave(refuses)
         work.done = asyncio.get_running_loop().create_future()
         self._promised.add(work.done)
         self._queue.put_nowait(work)
@@ -308,7 +310,7 @@ class LiveSession:
         refuses = context.saving.refuses
         for promised in self._promised if refuses else ():
             if not promised.done():
-                promised.set_exception(NotNow(f"{refuses} What you asked for is done when it can."))
+                promised.set_exception(CannotSave(f"{refuses} What you asked for is done when it can.", True))
         self._services.changed(self.enrolment.participant)
         self._settle_soon()
 

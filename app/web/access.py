@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from app.lab.lab import Lab
 from app.lab.tokens import Attempts
+from app.session.commands import CannotSave, NotNow
 from app.web.guard import address_of, shows_token
 from study.json_text import parse_json
 
@@ -62,6 +63,11 @@ WHY_REFUSED: Mapping[int, str] = {
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that may answer with these."""
     return {status: {"model": ErrorReply, "description": WHY_REFUSED[status]} for status in statuses}
+
+
+def not_now(error: NotNow) -> HTTPException:
+    """The answer to an act that is not possible: 503 where it is the disk, 409 where it is the session."""
+    return HTTPException(503 if isinstance(error, CannotSave) else 409, str(error))
 
 
 def lab_of(request: Request) -> Lab:

@@ -375,8 +375,32 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             self.conn.fail(POLICY_VIOLATION, "too many frames")
             self.transport.write(b"".join(self.conn.data_to_send()))
             self.close_sent = True
-        self.transport.close()
+        self._linger()
         return False
+
+    def handle_parser_exception(self) -> None:
+        """A frame that is none, or too large: the socket is told which, and closed."""
+        self._is_over = True
+        closed = self.conn.close_sent
+        assert closed is not None  # by whoever found out
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": closed.code, "reason": closed.reason})
+        if not self.close_sent:
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.close_sent = True
+        self._linger()
+
+    def _linger(self) -> None:
+        """Closed at once, with more of the flood on its way, the connection would be reset and the reason lost."""
+        if self.transport.is_closing() or not self.transport.can_write_eof():
+            self.transport.close()
+            return
+        self.transport.write_eof()
+        if self.read_paused:
+            self.read_paused = False
+            self.transport.resume_reading()
+        if self.close_timer is not None:
+            self.close_timer.cancel()
+        self.close_timer = self.loop.call_later(LINGER_S, self.transport.close)  # the application does not close it
 
 
 def bounded(door: Door) -> tuple[type[BoundedHttp], type[BoundedWebSocket]]:

@@ -32,7 +32,7 @@ from app.session.history import KEPT_EVENTS
 from app.session.pages import instruction
 from app.session.private_text import with_words
 from app.session.session import LiveSession
-from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, refusals
+from app.web.access import Experimenter, ParticipantId, TheLab, experimenters_router, not_now, refusals
 from app.web.guard import address_of
 from app.web.participant_socket import Places, same_origin
 from app.web.sessions_api import Known, SessionReply, in_order_of_enrolment, session_reply, unreadable_reply
@@ -490,7 +490,7 @@ async def _remark(lab: Lab, participant: str, remark: Remark, who: str) -> dict[
     except NoSuchParticipant as error:
         raise HTTPException(404, str(error)) from None
     except NotNow as error:
-        raise HTTPException(409, str(error)) from None
+        raise not_now(error) from None
     return {"participant": participant, "recorded": remark.name}
 
 

@@ -10,8 +10,9 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from app.lab.lab import Lab, NoSuchParticipant, RecordUnreadable
-from app.session.commands import Command, NotNow
-from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, refusals
+from app.lab.withdrawing import withdraw_from
+from app.session.commands import NotNow
+from app.web.access import Experimenter, ParticipantId, RequestBody, TheLab, experimenters_router, not_now, refusals
 from app.web.numbers import Limit, Offset
 from app.web.qr_code import qr_svg
 from app.web.sessions_api import Known, in_order_of_enrolment, number_of
@@ -358,11 +359,9 @@ async def withdraw(participant: ParticipantId, body: WithdrawRequest, lab: TheLa
         keep = agreed.consent.on_withdrawal == "keep"
     reason = (body.reason or "").strip() or None
     try:
-        await lab.command(participant, Command("withdraw", reason), who)
-        if not keep:
-            await lab.erase(participant)
+        await withdraw_from(lab, participant, reason, who, keep=keep)
     except NotNow as error:
-        raise HTTPException(409, str(error)) from None
+        raise not_now(error) from None
     except NoSuchParticipant as error:
         raise HTTPException(404, str(error)) from None
     return {"participant": participant, "state": "withdrawn" if keep else "erased"}

@@ -13,7 +13,16 @@ from app.config import Pace
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import ACTS, Circumstances, Command, CommandName, NotNow, why_not
-from app.web.access import Experimenter, ParticipantId, RequestBody, StrictRoute, TheLab, experimenters_router, refusals
+from app.web.access import (
+    Experimenter,
+    ParticipantId,
+    RequestBody,
+    StrictRoute,
+    TheLab,
+    experimenters_router,
+    not_now,
+    refusals,
+)
 from app.wire import PROTOCOL_VERSION, SERVER_MESSAGE
 from study.flow.page import Text
 from study.flow.roster import EnrolmentKind
@@ -291,7 +300,7 @@ def _command_route(name: CommandName, text: str, needs_words: bool = False) -> N
         except NoSuchParticipant as error:
             raise HTTPException(404, str(error)) from None
         except NotNow as error:
-            raise HTTPException(409, str(error)) from None
+            raise not_now(error) from None
         return {"participant": participant, "state": session.session.state}
 
     route.__doc__ = text

@@ -7,11 +7,13 @@ import contextlib
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 
 from app.lab.lab import Lab
-from app.session.commands import Command, NotNow
+from app.lab.withdrawing import withdraw_from
+from app.session.commands import CannotSave, Command, NotNow
 from app.session.session import LiveSession
 from app.wire import Input, Page, Saves, Status, Tick, Welcome
 from app.worker.process import WorkerProcess
@@ -41,7 +43,7 @@ async def test_a_database_that_is_locked_holds_the_robot_and_lets_it_go_on(quick
                 assert "locked" in line["not_saving"]
                 assert experimenter.lab["trouble"]["kind"] in ("locked", "slow")
                 answer = await command(quick_lab, made["participant"], "pause")
-                assert answer.status_code == 409 and "cannot save now" in answer.text
+                assert answer.status_code == 503 and "cannot save now" in answer.text
                 async with visit_unheard(made["link"]) as second:  # a page that comes now is told, too
                     assert not (await second.until(Saves)).works
                 with stored(quick_lab) as store:
@@ -77,6 +79,15 @@ async def visit_unheard(link: str) -> AsyncIterator[Player]:
 async def lab(tmp_path: Path) -> AsyncIterator[Lab]:
     async with lab_in_here(tmp_path, unsaved_pause_s=0.3) as running:
         yield running
+
+
+async def changed(lab: Lab, is_so: Callable[[], bool]) -> None:
+    """Wait until something that the lab tells those who look on makes this true."""
+    told = asyncio.Event()
+    with lab.watching(lambda who: told.set()):
+        while not is_so():
+            await asyncio.wait_for(told.wait(), 20.0)
+            told.clear()
 
 
 async def driven(lab: Lab) -> tuple[LiveSession, LocalPage, str]:
@@ -118,6 +129,34 @@ async def test_an_experimenter_who_waits_is_told_and_what_they_asked_for_is_done
     with locked(tmp_path / "data"), pytest.raises(NotNow, match="done when it can"):
         await lab.command(participant, Command("pause"), "AB")
     assert "experimenter" in (await page.until(Page, state="paused")).content["causes"]
+
+
+@pytest.mark.parametrize("begins", ["with the session", "with the erasing"])
+async def test_whoever_withdraws_while_nothing_can_be_saved_is_erased_when_it_can(
+    lab: Lab, tmp_path: Path, begins: str
+) -> None:
+    session, _, participant = await driven(lab)
+    if begins == "with the erasing":
+        await lab.command(participant, Command("withdraw"), "AB")
+        lab.command = AsyncMock(return_value=session)  # type: ignore[method-assign]
+    with locked(tmp_path / "data"):
+        with pytest.raises(CannotSave) as told:
+            await withdraw_from(lab, participant, "by phone", "AB", keep=False)
+        assert told.value.is_waiting
+        assert participant not in dict(lab.store.store.erasures())
+
+    await changed(lab, lambda: participant in dict(lab.store.store.erasures()))
+
+
+async def test_a_session_without_a_page_is_kept_while_it_holds_what_is_not_saved(lab: Lab, tmp_path: Path) -> None:
+    session, page, participant = await driven(lab)
+    session.detach(page)
+    with locked(tmp_path / "data"):
+        with pytest.raises(CannotSave, match="done when it can"):
+            await lab.command(participant, Command("withdraw"), "AB")
+        await lab.let_go(-1.0)
+        assert lab.live_session(participant) is session
+    await changed(lab, lambda: session.session.is_over)
 
 
 async def test_a_session_can_be_opened_while_nothing_can_be_saved(lab: Lab, tmp_path: Path) -> None:
