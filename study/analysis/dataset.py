@@ -182,7 +182,7 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
     people = [row for row in _analysed(folder, everyone) if row.participant not in left_out]
     names = {row.participant for row in people}
     every_trial: list[TrialRow] = read_table(folder, "trials")
-    _check_participants(folder, "trials", every_trial, everyone)
+    _check_participants(folder, "trials", [row for row in every_trial if row.participant not in left_out], everyone)
     all_trials = [row for row in every_trial if row.participant in names]
     studies, notes = _studies(folder, meta)
     notes += [f"{name} is left out, whose record cannot be used: {problem}." for name, problem in left_out.items()]
