@@ -149,15 +149,28 @@ def _check_lines(path: Path, file: IO[bytes]) -> None:
 
 
 def list_rows(path: Path, most_bytes: int) -> Iterator[tuple[int, Sequence[str]]]:
-    """The rows of a list that a spreadsheet or a service saved, each with its line: separated by `,`, `;` or tabs,
-    whichever its first line has most of. Blank lines are left out. Raises `FileProblem`."""
+    """The rows of a list that a spreadsheet or a service saved, as `table_rows`. Raises `FileProblem`."""
     text = read_text(path, most_bytes)
-    first = text.partition("\n")[0]
-    separator = max(",;\t", key=first.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    try:
+        yield from table_rows(text)
+    except ValueError as error:
+        raise FileProblem(path, str(error)) from None
+
+
+def table_rows(text: str) -> Iterator[tuple[int, Sequence[str]]]:
+    """The rows of a table, each with the line it ends on: separated by `,`, `;` or tabs, whichever its first line has
+    most of, or by what a spreadsheet says in a line `sep=;` before it. Blank lines are left out.
+
+    Raises `ValueError` for a quote that is never closed, which would swallow every row after it.
+    """
+    first, _, rest = text.partition("\n")
+    separator, before = max(",;\t", key=first.count), 0
+    if first.startswith("sep=") and len(first.rstrip("\r")) == len("sep=;"):
+        separator, before, text = first[4], 1, rest
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     try:
         for row in reader:
             if any(cell.strip() for cell in row):
-                yield reader.line_num, row
+                yield before + reader.line_num, row
     except csv.Error as error:
-        raise FileProblem(path, f"cannot be read as a table (line {reader.line_num}): {error}") from None
+        raise ValueError(f"cannot be read as a table (line {before + reader.line_num}): {error}") from None

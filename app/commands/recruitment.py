@@ -49,9 +49,10 @@ def reconcile(
     from study.flow.recruiter_list import ListError, read_list
     from study.records import utc_text
     from study.store import open_store
+    from study.text_file import read_text
 
     try:
-        listed = read_list(_text(service), id_column=id_column, status_column=status_column)
+        listed = read_list(read_text(service, MOST_BYTES), id_column=id_column, status_column=status_column)
     except ListError as error:
         raise LabError(f"{service}: {error}") from None
     with open_store(data, must_exist=True, exclusive=apply, flow=flow_of(context)) as store:
@@ -94,21 +95,6 @@ def roster_of(store: Store) -> tuple[Known, ...]:
         )
         for one in everyone
     )
-
-
-def _text(path: Path) -> str:
-    """A list as services and spreadsheets save it."""
-    try:
-        if not path.is_file():
-            raise LabError(f"{path}: no such file" if not path.exists() else f"{path}: is no regular file")
-        if path.stat().st_size > MOST_BYTES:
-            raise LabError(f"{path}: is larger than {MOST_BYTES} bytes")
-        with path.open(encoding="utf-8-sig", newline="") as source:
-            return source.read()
-    except UnicodeDecodeError:
-        raise LabError(f"{path}: is not UTF-8; save it as CSV UTF-8") from None
-    except OSError as error:
-        raise LabError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def _line(finding: Finding) -> str:

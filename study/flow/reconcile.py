@@ -34,7 +34,7 @@ MEANINGS: Mapping[Kind, str] = {
     "unknown_here": "on the service's list, and not in the roster",
     "unknown_there": "came over the open link, and not on the service's list",
     "twice": "stands more than once on the list, or in the roster",
-    "unclear": "the service's word for it is not known",
+    "unclear": "the service's word for it is not known, or it names nobody",
 }
 """What each kind of finding is."""
 _SENT_IN: frozenset[ServiceState] = frozenset({"approved", "awaiting"})
@@ -82,6 +82,10 @@ def reconcile(listed: Sequence[Listed], roster: Iterable[Known]) -> tuple[Findin
     met: set[str] = set()
     findings = []
     for line in listed:
+        if not line.person:
+            advice = f"Line {line.line} of the list has no id: look who that is."
+            findings.append(Finding("unclear", "", "", line.said, "", "", advice))
+            continue
         here = of_id.get(_same(line.person), [])
         met.update(known.enrolled.participant for known in here)
         if len(here) > 1 or times[_same(line.person)] > 1:

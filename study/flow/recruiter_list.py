@@ -6,14 +6,13 @@ The services name their columns and states differently; `COLUMNS` and `STATES` h
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 from study.records import StudyError
+from study.text_file import table_rows
 
 ServiceState = Literal[
     "approved", "awaiting", "active", "rejected", "returned", "timed_out", "screened_out", "no_show", "unclear"
@@ -50,7 +49,7 @@ class Listed:
     """One line of the service's list."""
 
     person: str
-    """The id that the service gives them."""
+    """The id that the service gives them; "" where the line has none."""
     state: ServiceState
     said: str
     """The state in the service's own word."""
@@ -68,40 +67,36 @@ def plain(text: str) -> str:
 def read_list(text: str, *, id_column: str | None = None, status_column: str | None = None) -> tuple[Listed, ...]:
     """The lines of a service's list, with comma, semicolon or tab between the cells.
 
-    `id_column` and `status_column` name the columns that are not found by themselves. Lines without an id are passed
-    over. Raises `ListError`.
+    `id_column` and `status_column` name the columns that are not found by themselves. Raises `ListError`.
     """
-    text = text.removeprefix("\ufeff")
-    first = text.partition("\n")[0]
-    separator = max((",", ";", "\t"), key=first.count)
     try:
-        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=False))
-    except csv.Error as error:
-        raise ListError(f"cannot be read as CSV: {error}") from None
-    if not rows or len(rows) < 2:
+        rows = list(table_rows(text.removeprefix("\ufeff")))
+    except ValueError as error:
+        raise ListError(str(error)) from None
+    if len(rows) < 2:
         raise ListError("holds no line beside its headings; export the list once more")
     if len(rows) > MOST_ROWS:
         raise ListError(f"has {len(rows)} lines; at most {MOST_ROWS} are taken")
-    headings = [cell.strip() for cell in rows[0]]
+    headings = [cell.strip() for cell in rows[0][1]]
     persons = _place(headings, "id", id_column)
     states = _place(headings, "status", status_column)
     listed = []
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in rows[1:]:
         person = row[persons].strip() if persons < len(row) else ""
-        if not person:
-            continue
         said = row[states].strip() if states < len(row) else ""
         listed.append(Listed(person[:MOST_CHARACTERS], STATES.get(plain(said), "unclear"), said, number))
-    if not listed:
+    if not any(line.person for line in listed):
         raise ListError(f"no line has anything in its column {headings[persons]!r}; name another with --id-column")
     return tuple(listed)
 
 
 def _place(headings: Sequence[str], which: Literal["id", "status"], wanted: str | None) -> int:
     """Where a column is, by the name given or by what the services call it."""
-    found = {plain(heading): place for place, heading in reversed(list(enumerate(headings)))}
     for name in (wanted,) if wanted is not None else COLUMNS[which]:
-        if plain(name) in found:
-            return found[plain(name)]
+        found = [place for place, heading in enumerate(headings) if plain(heading) == plain(name)]
+        if len(found) > 1:
+            raise ListError(f"has {len(found)} columns {headings[found[0]]!r}; leave the one that counts")
+        if found:
+            return found[0]
     said = f"no column {wanted!r}" if wanted is not None else f"no column with the {which} of a person is known"
     raise ListError(f"{said}; name one with --{which}-column: {', '.join(headings)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,8 @@ from study.records import CertificateRow, EventRow
 from study.store import ledger
 from study.store.rows import put
 from study.store.tables import RECORDS, SUBMISSIONS
+
+log = logging.getLogger(__name__)
 
 ACKNOWLEDGED = "{}"
 """What a message was answered with that was taken: no problems."""
@@ -49,8 +52,9 @@ def certify(connection: sql.Connection, folder: Path, participant: str, utc: str
             signature="",
         )
         signed = replace(row, signature=sign(folder, signed_text(row)))
-    except (OSError, ValueError):
-        return  # a key that cannot be used keeps nobody from ending: there is no certificate, which is seen
+    except (OSError, ValueError) as error:  # keeps nobody from ending: there is no certificate
+        log.error("participant %s has no certificate: the data folder's key cannot be used: %s", participant, error)
+        return
     put(connection, "certificates", [signed])
 
 

@@ -49,9 +49,9 @@ def test_it_proposes_and_does_nothing_by_itself(data: Path, tmp_path: Path, caps
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (None, "no such file"),
+        (None, "cannot be read: No such file"),
         (b"a,b\nx,y\n", "no column with the id of a person is known; name one with --id-column: a, b"),
-        (b"\xff\xfe\x00", "is not UTF-8; save it as CSV UTF-8"),
+        (b"\xff\xfe\x00", "is UTF-16 text; save the file as UTF-8"),
         (b"", "holds no line beside its headings"),
     ],
 )

@@ -24,7 +24,8 @@ TOOLKIT = "AmazonIdentifier\tApprovalStatus\nA1B2\tNot Submitted/Incomplete\n"
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (PROLIFIC, [("5f01", "approved", 2), ("5f02", "timed_out", 3), ("5f03", "awaiting", 4)]),
+        (PROLIFIC, [("5f01", "approved", 2), ("5f02", "timed_out", 3), ("5f03", "awaiting", 4), ("", "returned", 5)]),
+        ("sep=;\r\nParticipant id;Status\r\n5f01;APPROVED\r\n", [("5f01", "approved", 3)]),
         (CONNECT, [("AB12", "approved", 2), ("CD34", "returned", 3)]),
         (MTURK, [("A1B2", "awaiting", 2), ("C3D4", "rejected", 3)]),
         (TOOLKIT, [("A1B2", "timed_out", 2)]),
@@ -34,10 +35,29 @@ TOOLKIT = "AmazonIdentifier\tApprovalStatus\nA1B2\tNot Submitted/Incomplete\n"
         ),
         ("Participant id,Status\n5f01,SLEEPING\n", [("5f01", "unclear", 2)]),
     ],
-    ids=["Prolific", "Connect", "Mechanical Turk", "the older toolkit", "SONA", "a word of tomorrow"],
+    ids=["Prolific", "a spreadsheet", "Connect", "Mechanical Turk", "the older toolkit", "SONA", "a word of tomorrow"],
 )
 def test_the_lists_of_services_are_read_as_they_are(text: str, expected: list[tuple[str, str, int]]) -> None:
     assert [(line.person, line.state, line.line) for line in read_list(text)] == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('Participant id,Status\n"5f01,RETURNED\n5f02,APPROVED\n', "cannot be read as a table"),
+        ("Participant id,Status,status\n5f01,RETURNED,APPROVED\n", "has 2 columns 'Status'; leave the one that counts"),
+    ],
+    ids=["a quote that is never closed", "two columns of one name"],
+)
+def test_a_list_that_says_two_things_is_refused(text: str, says: str) -> None:
+    with pytest.raises(ListError, match=says):
+        read_list(text)
+
+
+def test_a_line_that_names_nobody_is_told() -> None:
+    listed = read_list("Participant id,Status\nx1,APPROVED\n,APPROVED\n,RETURNED\n")
+    found = [(one.kind, one.act, one.advice) for one in reconcile(listed, []) if not one.person]
+    assert found == [("unclear", "", f"Line {line} of the list has no id: look who that is.") for line in (3, 4)]
 
 
 def test_another_list_is_read_by_the_names_of_its_columns() -> None:

@@ -122,10 +122,13 @@ def test_a_changed_certificate_is_found(store: Store, tmp_path: Path, statement:
     assert "certificate of P001: its signature does not fit what it says" in found
 
 
-def test_a_key_that_cannot_be_used_keeps_nobody_from_ending(store: Store, tmp_path: Path) -> None:
+def test_a_key_that_cannot_be_used_keeps_nobody_from_ending_and_is_told(
+    store: Store, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     (tmp_path / "data" / "lab.key").write_text("no key")
     assert store.session(session(store)).session.state == "withdrawn"
     assert not list(store.rows("certificates"))
+    assert "participant P001 has no certificate: the data folder's key cannot be used" in caplog.text
 
 
 def test_the_command_prints_what_to_keep_elsewhere(
