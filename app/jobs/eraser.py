@@ -7,13 +7,14 @@ from pathlib import Path
 
 from app.errors import LabError
 from app.jobs.process import JobLost, run_job
-from study.store import AsyncStore
+from study.store import AsyncStore, StoreTroubled
 
 
 async def erase(store: AsyncStore, data_dir: Path, participant: str, utc: str) -> bool:
     """Delete everything about a participant, who has no live session, but the mark; as `Store.erase`.
 
-    What has begun goes on when whoever asked is gone. Raises `LabError` when nothing was deleted, and says why.
+    What has begun goes on when whoever asked is gone. Raises `StoreTroubled` while the disk does not do, and `LabError`
+    with the reason when nothing was deleted.
     """
     # What the lab has asked to be written before is written first: afterwards it would belong to nobody.
     await store.run(lambda opened: None)
@@ -30,6 +31,8 @@ async def _erase(store: AsyncStore, participant: str, arguments: tuple[str, str,
         if await store.read(lambda opened: participant in dict(opened.erasures())):
             return False  # it was done; the log is emptied at the next erasure
         raise LabError(f"{participant} is not erased: the {lost}. Nothing was deleted; try again") from None
+    if "trouble" in end:
+        raise StoreTroubled(end["trouble"], end["cannot"])
     if "cannot" in end:
         raise LabError(f"{participant} is not erased: {end['cannot']}")
     overwritten: bool = end["made"]["overwritten"]

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from study.records import StudyError
+from study.store import StoreTroubled
 
 Say = Callable[[dict[str, Any]], None]
 NICENESS = 15
@@ -24,6 +25,8 @@ def run(work: Callable[[Say], dict[str, Any]], *, niceness: int = NICENESS) -> i
     os.nice(niceness)
     try:
         made = work(say)
+    except StoreTroubled as error:
+        say({"cannot": str(error).splitlines()[0], "trouble": error.kind})
     except StudyError as error:
         say({"cannot": str(error).splitlines()[0]})
     else:

@@ -66,12 +66,18 @@ async def _erase_when_over(lab: Home, participant: str) -> None:
         if lab.store.trouble is not None:
             continue
         try:
-            if (await lab.stored_session(participant)).session.is_over:
-                await lab.erase(participant)
-                log.info("a participant who withdrew is erased, now that the lab can save")
-                return
+            is_over = (await lab.stored_session(participant)).session.is_over
         except StoreTroubled:
             continue
         except LabError as error:  # erased by somebody else
             log.warning("who withdrew was not erased later", extra=about(reason=type(error).__name__))
             return
+        if not is_over:
+            continue
+        try:
+            await lab.erase(participant)
+        except (StoreTroubled, LabError) as error:  # it is promised: until it is done
+            log.warning("who withdrew is not erased yet", extra=about(reason=type(error).__name__))
+            continue
+        log.info("a participant who withdrew is erased, now that the lab can save")
+        return
