@@ -200,7 +200,9 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
             "conditions, so complete trials under at least two, then export again"
         )
     kept = {(row.participant, row.trial) for row in trials}
-    tasks = [row for row in read_table(folder, "tasks") if (row.participant, row.trial) in kept]
+    every_task: list[TaskRow] = read_table(folder, "tasks")
+    _check_trials(folder, "tasks", [row for row in every_task if row.participant not in left_out], every_trial)
+    tasks = [row for row in every_task if (row.participant, row.trial) in kept]
     _check_tasks(folder, trials, tasks)
     counting = _Ticks(folder, kept, {(row.participant, row.trial) for row in every_trial})
     with closing(counting.read()) as ticks:
@@ -216,7 +218,9 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
             if own.setdefault(name, form) != form:
                 notes.append(f"Questionnaire {name} differs between the study files; all its answers are scored alike.")
     scores = survey_scores(answers, own)
-    alerts: list[AlertRow] = [row for row in read_table(folder, "alerts") if (row.participant, row.trial) in kept]
+    every_alert: list[AlertRow] = read_table(folder, "alerts")
+    _check_trials(folder, "alerts", [row for row in every_alert if row.participant not in left_out], every_trial)
+    alerts = [row for row in every_alert if (row.participant, row.trial) in kept]
     conditions = conditions_of(measures)
     who_freed = [
         row
@@ -314,6 +318,19 @@ def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone:
     if unknown:
         raise AnalysisError(
             f"{folder / table}.csv: participant {unknown[0]} is not in participants.csv; export the data again"
+        )
+
+
+def _check_trials(
+    folder: Path, table: str, rows: Sequence[TaskRow] | Sequence[AlertRow], every_trial: Sequence[TrialRow]
+) -> None:
+    known = {(row.participant, row.trial) for row in every_trial}
+    unknown = sorted({(row.participant, row.trial) for row in rows} - known)
+    if unknown:
+        participant, trial = unknown[0]
+        raise AnalysisError(
+            f"{folder / table}.csv: participant {participant}, trial {trial} is not in trials.csv; "
+            "export the data again"
         )
 
 

@@ -5,6 +5,7 @@ The copy is a data folder: a lab can be started on it as it is.
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
@@ -22,8 +23,13 @@ def copy_out(database: Database, utc: str) -> Path:
     for place in _places(database.path.parent):
         try:
             folder = _new_folder(place, name)
+        except OSError as error:
+            problems.append(f"{place}: {error}")
+            continue
+        try:
             database.copy_out(folder / FILE_NAME)
         except (OSError, sqlite3.Error) as error:
+            shutil.rmtree(folder, ignore_errors=True)  # half a copy is none, and it is tried again
             problems.append(f"{place}: {error}")
         else:
             return folder

@@ -184,6 +184,13 @@ def test_a_foreign_schema_version(tmp_path: Path) -> None:
     assert "schema version 99" in complaint(folder)
 
 
+@pytest.mark.parametrize("table", ["ticks", "tasks"])
+def test_a_row_of_a_trial_that_is_not_there_is_refused(tmp_path: Path, table: str) -> None:
+    folder = data_set(1).write(tmp_path / "export")
+    rewritten(folder, table, lambda row: {**row, "trial": "77" if row["trial"] == "2" else row["trial"]})
+    assert f"{table}.csv: participant S001, trial 77 is not in trials.csv" in complaint(folder)
+
+
 @pytest.mark.parametrize(
     ("table", "column"),
     [("ticks", "belief"), ("ticks", "source"), ("tasks", "outcome"), ("trials", "parameters")],

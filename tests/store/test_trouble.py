@@ -13,6 +13,7 @@ import pytest
 import sqlalchemy as sql
 
 from study.store import AsyncStore, Batch, Store, StoreTroubled, Trouble, TroubleKind, open_store
+from study.store.database import Database
 from tests.support.locked_database import locked
 from tests.support.study_samples import UTC, event_row, shipped_study
 
@@ -224,3 +225,21 @@ async def test_a_place_that_takes_no_copy_is_passed_by(
     monkeypatch.setattr(Path, "mkdir", refuse)
     trouble = await deleted(store)
     assert trouble.rescue is not None and trouble.rescue.parent == home
+
+
+async def test_half_a_copy_is_taken_away(store: AsyncStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    copy_out = Database.copy_out
+
+    def half(database: Database, path: Path) -> None:
+        if path.parent.parent == tmp_path:
+            path.write_bytes(b"half")
+            raise sqlite3.DatabaseError("database disk image is malformed")
+        copy_out(database, path)
+
+    monkeypatch.setattr(Database, "copy_out", half)
+    trouble = await deleted(store)
+    assert trouble.rescue is not None and trouble.rescue.parent == home
+    assert sorted(path.name for path in await asyncio.to_thread(lambda: list(tmp_path.iterdir()))) == ["home"]
