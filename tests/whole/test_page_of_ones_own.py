@@ -122,7 +122,8 @@ async def test_who_stands_on_it_is_there_again_after_a_restart_and_a_lab_without
     with pytest.raises(LabDidNotStart) as caught:
         start_lab(*SERVE, data_dir=tmp_path / "data")
     (line,) = str(caught.value).splitlines()[1:]
-    assert line.startswith("salab: stored session of 'P001': state = 'comfort' cannot be; pages are eligibility, ")
+    said = line.removeprefix("salab: P001: ")
+    assert said.startswith("stored session of 'P001': state = 'comfort' cannot be; pages are eligibility, ")
     again = start()
     token = link.rpartition("/")[2]
     async with visit(f"{again.base_url}/p/{token}", flow=FLOW) as player:
