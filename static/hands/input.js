@@ -19,6 +19,8 @@ import { chosenDevice } from "./keyboard.js";
  * @typedef {{ direction: Direction | null, device: Device, waiting: Action[] }} Hands
  */
 
+const SLEPT_MS = 1000; // so long between two beats: the computer slept, or the page stood still
+
 /**
  * @param {Direction | null} a
  * @param {Direction | null} b
@@ -49,6 +51,8 @@ export class Input extends Emitter {
     /** @type {ChosenDevice["device"] | null} */
     this.chosen = null;
     this._everyMs = 0;
+    this._beatMs = performance.now();
+    this._beatWallMs = Date.now();
     this._timer = new HeartbeatTimer();
     this._timer.addEventListener("beat", () => this._beat());
     this._timer.addEventListener("fallback", (event) => {
@@ -189,7 +193,18 @@ export class Input extends Emitter {
     this._timer.start(everyMs);
   }
 
+  /** After a sleep of the computer, or of the page, nobody knows what was let go of meanwhile. */
+  _wake() {
+    const [nowMs, wallMs] = [performance.now(), Date.now()]; // the first stands still on some computers that sleep
+    const sleptMs = Math.max(nowMs - this._beatMs, wallMs - this._beatWallMs);
+    [this._beatMs, this._beatWallMs] = [nowMs, wallMs];
+    if (sleptMs < SLEPT_MS || !this.driving) return;
+    this.keyboard.release();
+    this.pads.release();
+  }
+
   _beat() {
+    this._wake();
     if (!this._everyMs) return;
     this.socket.send({
       type: "heartbeat",

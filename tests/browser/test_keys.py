@@ -71,6 +71,21 @@ def test_whatever_may_hide_a_release_lets_go_and_the_key_counts_when_pressed_ane
         assert moved == [[0, -1, 0]], name
 
 
+def test_what_was_held_when_the_computer_slept_is_let_go_before_the_lab_hears_of_it(page: Page, lab: FakeLab) -> None:
+    driving(page, lab)
+    page.keyboard.down("KeyW")
+    lab.wait_for(lambda message: message.get("direction") == [1, 0, 0])
+    page.evaluate("() => { const wakes = performance.now() + 1500; while (performance.now() < wakes); }")
+    slept = lab.mark()
+    let_go(lab, 0)
+    lab.wait_for(lambda message: message["type"] == "heartbeat" and message["direction"] is None)
+    assert not [message for message in lab.received[slept:] if message.get("direction")]
+    page.keyboard.down("KeyW")  # only the keyboard's repeat
+    page.keyboard.up("KeyW")
+    page.keyboard.down("KeyW")
+    lab.wait_for(lambda message: message.get("direction") == [1, 0, 0], after=slept)
+
+
 @pytest.mark.parametrize("key", ["Meta", "Alt", "ContextMenu"])
 def test_a_key_that_takes_the_others_lets_go_of_them(page: Page, lab: FakeLab, key: str) -> None:
     driving(page, lab)

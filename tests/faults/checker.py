@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import bisect
 import itertools
+import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,9 @@ STALE_S = 2.0 * TICK_S
 for nothing (another)."""
 CLOCKS_S = 0.15
 """How far the times of page and lab can be apart: they are matched over the quickest tick that was ever told."""
+
+TOO_EARLY_S = 0.4
+"""A tick that was told so long before the others of its life was not the one that is stored."""
 
 Promise = Literal["lost", "doubled", "stale", "export"]
 
@@ -62,6 +66,7 @@ def breaches(memory: Memory, record: Evidence, way_s: float = 0.0) -> list[Breac
     return [
         *_lost(memory, record),
         *_doubled(memory, record),
+        *_run_again(memory, record),
         *_stale(memory, record, way_s),
         *_not_exported(record),
     ]
@@ -165,15 +170,35 @@ def _lives(heard: Sequence[HeardTick]) -> dict[tuple[int, int], int]:
 
 
 def _clocks(heard: Sequence[HeardTick], rows: Sequence[TickRow]) -> dict[int, float]:
-    """What makes this machine's monotonic time of the session's time, in each life of the lab, in seconds."""
+    """What makes this machine's monotonic time of the session's time, in each life of the lab, in seconds: from the
+    tick that was told the quickest, of those that can have been."""
+    offsets_s: dict[int, list[float]] = {}
+    for one, ended_s in _ended(heard, rows):
+        offsets_s.setdefault(one.life, []).append(one.at_s - ended_s)
+    return {
+        life: min(one for one in found if one > statistics.median(found) - TOO_EARLY_S)
+        for life, found in offsets_s.items()
+    }
+
+
+def _ended(heard: Sequence[HeardTick], rows: Sequence[TickRow]) -> Iterator[tuple[HeardTick, float]]:
+    """The ticks that were told, and when they ended by the session's time."""
     started = {(row.trial, row.tick): unix_s(row.started_utc) for row in rows if row.started_utc is not None}
-    clocks: dict[int, float] = {}
     for one in heard:
         began_s = started.get((one.trial, one.tick.tick))
         if began_s is not None:
-            offset_s = one.at_s - TICK_S - began_s
-            clocks[one.life] = min(offset_s, clocks.get(one.life, offset_s))
-    return clocks
+            yield one, began_s + TICK_S
+
+
+def _run_again(memory: Memory, record: Evidence) -> Iterator[Breach]:
+    """Ticks that were told before they ended: what is stored is of another run than what was acknowledged."""
+    clocks = _clocks(memory.ticks, record.ticks)
+    for one, ended_s in _ended(memory.ticks, record.ticks):
+        early_s = ended_s + clocks[one.life] - one.at_s
+        if early_s > TOO_EARLY_S / 2:
+            yield Breach(
+                "doubled", f"tick {one.tick.tick} of trial {one.trial} was acknowledged {early_s:.1f} s before it ended"
+            )
 
 
 # ---- the export -----------------------------------------------------------------------------------------------------

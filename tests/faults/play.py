@@ -124,7 +124,7 @@ async def _afterwards(person: Person, done: Hit, number: int) -> None:
     within_s = done.fault.downtime_s + PATIENCE_S
 
     def since() -> int:
-        return sum(heard.at_s > done.ended_s for heard in person.memory.ticks)
+        return sum(heard.at_s > done.ended_s + TICK_S for heard in person.memory.ticks)  # those before began before
 
     if not await person.until(lambda: since() >= TICKS_AT_REST, within_s):
         done.problems.append(f"no tick within {within_s:g} s after it; the page says {person.sign!r}")

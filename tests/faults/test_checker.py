@@ -75,6 +75,8 @@ BROKEN: dict[str, tuple[Callable[[Evidence], Evidence], str, str]] = {
         lambda record: replace(record, ticks=(*record.ticks[:5], *record.ticks[6:])), "doubled", "6 after 4"),
     "an answer twice": (changed(answers={(1, 1): 2}), "doubled", "alert 1 of trial 1 was answered 2 times"),
     "a press that was never made": (with_row(7, gripper_input="close"), "doubled", "'close' was pressed 0 times"),
+    "a tick that was run again": (
+        with_row(6, started_utc=utc_text(BEGAN_UNIX_S + 5.0)), "doubled", "was acknowledged 2.0 s before it ended"),
     "what was held before": (with_row(9, UP), "stale", "tick 9 of trial 1 moved by (0, 0, 1)"),
     "what was never done": (with_row(2, LEFT), "stale", "the hands never had"),
     "a tick that is not exported": (changed(exported_ticks=frozenset({(1, 0)})), "export", "9 ticks are not exported"),
