@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("no_script_errors")
 def test_consent_needs_the_tick_and_sends_the_hash_of_the_text(page: Page, lab: FakeLab) -> None:
     opened(page, lab, "consent")
     page.get_by_test_id("consent-agree").click()
-    assert page.get_by_role("alert").inner_text().startswith("Tick the box")
+    assert page.get_by_test_id("page-consent").get_by_role("alert").inner_text().startswith("Tick the box")
     assert not [message for message in lab.received if message["type"] == "submit"]
     page.get_by_test_id("consent-box").check()
     page.get_by_test_id("consent-agree").click()
