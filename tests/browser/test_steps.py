@@ -92,11 +92,11 @@ def test_pings_are_answered(page: Page, lab: FakeLab) -> None:
 
 
 def test_heartbeats_come_from_a_worker_and_carry_the_hands(page: Page, lab: FakeLab) -> None:
-    driving(page, lab)
+    with page.expect_worker(lambda worker: worker.url.endswith("/static/wire/heartbeat_worker.js")):
+        driving(page, lab)
     page.keyboard.down("ArrowUp")
     beat = lab.wait_for(lambda message: message["type"] == "heartbeat" and message["direction"] == [1, 0, 0])
     assert beat["visible"] is True
-    assert any(worker.url.endswith("/static/wire/heartbeat_worker.js") for worker in page.workers)
 
 
 def test_stopping_asks_once_and_ends_with_thanks(page: Page, lab: FakeLab) -> None:
