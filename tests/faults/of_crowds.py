@@ -67,14 +67,14 @@ class _Memory:
         self._before = self._most = 0
 
     async def __aenter__(self) -> _Memory:
-        self._before = self._most = processes.pss_bytes(self._stage.pid)
+        self._before = self._most = processes.own_bytes(self._stage.pid)
         self._task = asyncio.create_task(self._look())
         return self
 
     async def _look(self) -> None:
         while True:
             await asyncio.sleep(0.5)
-            self._most = max(self._most, processes.pss_bytes(self._stage.pid))
+            self._most = max(self._most, processes.own_bytes(self._stage.pid))
 
     async def __aexit__(self, *_: object) -> None:
         assert self._task is not None

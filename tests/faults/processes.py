@@ -81,9 +81,10 @@ def go_on(pid: int) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
-def pss_bytes(pid: int) -> int:
-    """How much memory is the process's own, shared pages by share. Raises `OSError` for a process that is gone."""
+def own_bytes(pid: int) -> int:
+    """How much memory a process has that is no file's (PSS of anonymous pages), in bytes. Pages of files are left out:
+    their share is less while others run who read the same files. Raises `OSError` for a process that is gone."""
     for row in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-        if row.startswith("Pss:"):
+        if row.startswith("Pss_Anon:"):
             return int(row.split()[1]) * 1024
     raise OSError(f"process {pid} has no memory")

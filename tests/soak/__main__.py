@@ -34,8 +34,11 @@ USUAL = (
     "disk_full", "hang_web",
 )  # fmt: skip
 STARTS_AGAIN = "kill_web"
-WARM, COLD = 0.2, 0.9
-"""Between these shares of the time the web process is one and the same, and its memory counts."""
+WARM_S, COLD = 660.0, 0.9
+"""From this time to this share of the whole the web process is one and the same, and its memory counts. Before, it is
+not warm: a session whose participant has finished is kept for ten minutes."""
+JUDGED_S = 120.0
+"""A shorter stretch says nothing."""
 LAB = Setup(is_network_bad=True, disk="small", disk_mb=512)
 WAY_S = 0.5
 """How long what pages say may be on its way: two cores have a crowd to serve."""
@@ -88,17 +91,25 @@ async def soak(options: argparse.Namespace, folder: Path) -> Soaked:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         await _hold_against_the_record(stage, crowd, result)
+    _judge(curve, total_s, result)
+    print("\n".join(drawn(curve.samples, max(30.0, total_s / 30))))
+    return result
+
+
+def _judge(curve: Curve, total_s: float, result: Soaked) -> None:
+    """Whether the memory is flat, where the run was long enough to tell."""
+    result.memory = {"samples": [asdict(sample) for sample in curve.samples]}
+    if COLD * total_s - WARM_S < JUDGED_S:
+        print(f"  memory is not judged: a run of {total_s / 60:g} min is too short for it")
+        return
     try:
-        flat = flatness(curve.samples, WARM * total_s, COLD * total_s)
-        result.memory = {**asdict(flat), "is_flat": flat.is_flat}
+        flat = flatness(curve.samples, WARM_S, COLD * total_s)
+        result.memory |= {**asdict(flat), "is_flat": flat.is_flat}
         if not flat.is_flat:
             far = f"{-flat.below:+.1%} to {flat.above:+.1%}"
             result.problems.append(f"memory is not flat: {far}, ±{FLAT:.0%} are allowed")
     except ValueError as error:
         result.problems.append(str(error))
-    result.memory["samples"] = [asdict(sample) for sample in curve.samples]
-    print("\n".join(drawn(curve.samples, max(30.0, total_s / 30))))
-    return result
 
 
 async def _hit(stage: Stage, fault: Fault, rng: np.random.Generator, began_s: float) -> dict[str, Any]:

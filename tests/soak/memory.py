@@ -19,10 +19,10 @@ BAR = 40
 
 @dataclass(frozen=True)
 class Sample:
-    """One look: seconds since the run began, bytes of the web process (PSS), and which process it was."""
+    """One look: seconds since the run began, bytes of the web process that are no file's, and which process it was."""
 
     at_s: float
-    pss_bytes: int
+    own_bytes: int
     pid: int
 
 
@@ -39,7 +39,7 @@ class Curve:
         while True:
             pid = self._pid()
             with contextlib.suppress(OSError):  # it is being started again
-                self.samples.append(Sample(time.monotonic() - self._began_s, processes.pss_bytes(pid), pid))
+                self.samples.append(Sample(time.monotonic() - self._began_s, processes.own_bytes(pid), pid))
             await asyncio.sleep(SAMPLE_EVERY_S)
 
 
@@ -65,18 +65,18 @@ def flatness(samples: Sequence[Sample], from_s: float, to_s: float) -> Flatness:
     pids = {sample.pid for sample in window}
     if len(pids) != 1:
         raise ValueError(f"{len(pids)} processes between {from_s:.0f} and {to_s:.0f} s; a curve is of one")
-    mean = statistics.fmean(sample.pss_bytes for sample in window)
-    least, most = min(sample.pss_bytes for sample in window), max(sample.pss_bytes for sample in window)
+    mean = statistics.fmean(sample.own_bytes for sample in window)
+    least, most = min(sample.own_bytes for sample in window), max(sample.own_bytes for sample in window)
     return Flatness(from_s, to_s, mean, 1.0 - least / mean, most / mean - 1.0)
 
 
 def drawn(samples: Sequence[Sample], every_s: float) -> list[str]:
     """The curve as lines of text, one for each stretch of time."""
-    most = max((sample.pss_bytes for sample in samples), default=1)
+    most = max((sample.own_bytes for sample in samples), default=1)
     lines, next_s = [], 0.0
     for sample in samples:
         if sample.at_s >= next_s:
-            bar = "#" * round(BAR * sample.pss_bytes / most)
-            lines.append(f"  {sample.at_s / 60:5.1f} min {sample.pss_bytes / 2**20:7.1f} MB  {bar}")
+            bar = "#" * round(BAR * sample.own_bytes / most)
+            lines.append(f"  {sample.at_s / 60:5.1f} min {sample.own_bytes / 2**20:7.1f} MB  {bar}")
             next_s = sample.at_s + every_s
     return lines
