@@ -182,12 +182,16 @@ def _clocks(heard: Sequence[HeardTick], rows: Sequence[TickRow]) -> dict[int, fl
 
 
 def _ended(heard: Sequence[HeardTick], rows: Sequence[TickRow]) -> Iterator[tuple[HeardTick, float]]:
-    """The ticks that were told, and when they ended by the session's time."""
-    started = {(row.trial, row.tick): unix_s(row.started_utc) for row in rows if row.started_utc is not None}
+    """The ticks that were told, and when they ended by the session's time: one that began late makes up for it."""
+    ended = {
+        (row.trial, row.tick): unix_s(row.started_utc) - (row.late_ms or 0.0) / 1e3 + TICK_S
+        for row in rows
+        if row.started_utc is not None
+    }
     for one in heard:
-        began_s = started.get((one.trial, one.tick.tick))
-        if began_s is not None:
-            yield one, began_s + TICK_S
+        ended_s = ended.get((one.trial, one.tick.tick))
+        if ended_s is not None:
+            yield one, ended_s
 
 
 def _run_again(memory: Memory, record: Evidence) -> Iterator[Breach]:

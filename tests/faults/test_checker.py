@@ -93,6 +93,14 @@ def test_what_is_broken_is_found(what: str) -> None:
     assert any(text in breach.text for breach in found), found
 
 
+def test_a_tick_that_began_late_and_made_up_for_it_moves_no_clock() -> None:
+    memory, record = whole()
+    late = row(4, UP, started_utc=utc_text(BEGAN_UNIX_S + 2.38), late_ms=380.0)
+    assert breaches(memory, replace(record, ticks=(*record.ticks[:4], late, *record.ticks[5:]))) == []
+    in_time = replace(late, late_ms=0.0)
+    assert breaches(memory, replace(record, ticks=(*record.ticks[:4], in_time, *record.ticks[5:]))) != []
+
+
 def test_the_clocks_of_page_and_lab_may_be_far_apart_and_change_with_each_start_of_the_lab() -> None:
     memory, record = whole()
     later = tuple(
