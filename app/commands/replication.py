@@ -47,7 +47,7 @@ def replicate(
     seed: Annotated[int, number("of everything random")] = 2020,
     workers: Annotated[int, number("processes; the results are the same for any number")] = 1,
     robot: Annotated[str, registered(ROBOTS, "which robot moves")] = "kinematic",
-    preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
+    preset: Annotated[str, choice(PRESET_NAMES, "which study of ours")] = "shipped",
     vary: Annotated[int, number("studies run again for each thing varied; 0 = none")] = 5,
     out: Annotated[Path | None, folder("folder for the report and for going on later")] = None,
 ) -> None:
@@ -79,7 +79,7 @@ def power(
     studies: Annotated[int, number(f"studies of {PEOPLE_A_STUDY} to draw people from")] = 40,
     seed: Annotated[int, number("of everything random")] = 2020,
     workers: Annotated[int, number("processes")] = 1,
-    preset: Annotated[str, choice(PRESET_NAMES, "open coefficients")] = "fitted",
+    preset: Annotated[str, choice(PRESET_NAMES, "which study of ours")] = "shipped",
 ) -> None:
     """Tell the chance of the paper's differences by number of people."""
     from app.replication.power import check_draws, power, table, write

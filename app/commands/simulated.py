@@ -30,8 +30,8 @@ def simulate(
         str | None,
         choice(
             PRESET_NAMES,
-            "put other coefficients into the study file: 1 per metre, the lab's, or as fitted to the paper's "
-            "teleoperation; the study file as it stands if not given",
+            "put another set of arbiter, robot speed and readings' place into the study file; the study file as it "
+            "stands if not given",
         ),
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,

@@ -38,10 +38,10 @@ def new(
         str,
         choice(
             PRESET_NAMES,
-            "the arbiter's coefficients and the arm: 1 per metre, the lab's, or as fitted to the paper's "
-            "teleoperation, which also slows the arm and puts the readings on a second device",
+            "arbiter, arm, layout and place of the readings: those of the study that ships, or another set that is "
+            "known by name",
         ),
-    ] = "lab",
+    ] = "shipped",
     arbiter: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="also write an arbiter of your own to change, with its test and a condition"),

@@ -5,5 +5,6 @@ A module of its own, so that the command line knows the names without loading wh
 
 from __future__ import annotations
 
-PRESET_NAMES = ("paper", "lab", "fitted")
-"""`paper`: 1 per metre. `lab`: the shipped study's. `fitted`: as calibrated on the paper's pure teleoperation."""
+PRESET_NAMES = ("shipped", "paper", "lab", "fitted")
+"""`shipped`: the study that ships, as it stands. `lab`: the one that shipped first. `paper`: that one with 1 per metre.
+`fitted`: the first fit to the paper's pure teleoperation."""

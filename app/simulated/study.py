@@ -108,7 +108,8 @@ def make_plan(
     ROBOTS.place_of(robot)  # says which there are
     if not 0 <= seed <= MAX_SEED:
         raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
-    study: Study = changed_study(open_study(study_file, trust), preset_changes(preset), trust)
+    changes = preset_changes(preset, layout=study_file is None)
+    study: Study = changed_study(open_study(study_file, trust), changes, trust)
     setup_of(study.source_text, trust)  # what cannot be used is told before any work
     return Plan(study.source_text, seed, robot, fitted_population(), flow, trust)
 

@@ -15,19 +15,52 @@ from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
 from app.simulated.traits import Population
 from app.trial.world import parse_text
-from study.definition.sections import ArbiterSettings
 from study.definition.study import Study
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
-_PRESETS: Mapping[str, Mapping[str, float]] = {
-    # The paper's eq. 2 as printed, in metres, and no stickiness.
-    "paper": {"rationality_per_m": 1.0, "stickiness": 0.0},
-    # What the study file says where nothing else is said.
-    "lab": {name: getattr(ArbiterSettings(), name) for name in ("rationality_per_m", "stickiness")},
-}
-
 Changes = Mapping[str, Mapping[str, Any]]
 """Section of the study file ("" = before the first section) to its keys and their new values."""
+
+_LAB: Changes = {
+    "": {"layout": "arc"},
+    "arbiter": {
+        "rationality_per_m": 5.0,
+        "step_m": 0.05,
+        "planning_delay": 0.2,
+        "transition": "mix",
+        "stickiness": 0.003,
+    },
+    "robot": {"speed_m_s": 0.04},
+    "distractor": {"placement": "same_page_away"},
+}
+"""The study as it shipped first. Later presets differ from it; each says everything that it stands for, so that another
+shipped study changes none of them."""
+
+
+def _like(other: Changes, changes: Changes) -> Changes:
+    return {section: {**values, **changes.get(section, {})} for section, values in other.items()}
+
+
+_PRESETS: Mapping[str, Changes] = {
+    "shipped": {},
+    "lab": _LAB,
+    # The paper's eq. 2 as printed, in metres, and no stickiness.
+    "paper": _like(_LAB, {"arbiter": {"rationality_per_m": 1.0, "stickiness": 0.0}}),
+    # The first fit to the paper's pure teleoperation: `salab fit --participants 24 --seed 1` of version 0.1.
+    "fitted": _like(
+        _LAB,
+        {
+            "arbiter": {
+                "rationality_per_m": 6.31,
+                "step_m": 0.03,
+                "planning_delay": 0.8,
+                "transition": "replan",
+            },
+            "robot": {"speed_m_s": 0.02687},
+            "distractor": {"placement": "second_device"},
+        },
+    ),
+}
 
 
 def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
@@ -44,16 +77,14 @@ def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
     return parse_text(text, "changed study", trust)
 
 
-def preset_changes(name: str | None) -> Changes:
-    """What a preset changes in a study file: nothing without one, `paper` and `lab` the coefficients the paper leaves
-    open, `fitted` what was calibrated on the paper's pure teleoperation. `LabError` names the presets."""
+def preset_changes(name: str | None, *, layout: bool = True) -> Changes:
+    """What a preset changes in a study file: nothing without one, or with `shipped`. `layout` = whether its layout is
+    taken too: a file of one's own may have another number of objects. `LabError` names the presets."""
     if name is None:
         return {}
-    if name == "fitted":
-        return dict(fitted()["study"])
-    if name not in PRESET_NAMES:
+    if name not in _PRESETS:
         raise LabError(f"no preset {name!r}; presets are {', '.join(PRESET_NAMES)}")
-    return {"arbiter": _PRESETS[name]}
+    return {section: values for section, values in _PRESETS[name].items() if layout or section}
 
 
 def fitted() -> dict[str, Any]:

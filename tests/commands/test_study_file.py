@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from frictionless import validate
 
-from app.simulated.variants import fitted
 from app.trial.setup import study_setup
 from app.trial.world import open_study
 from study.definition.study import DEFAULT_STUDY
@@ -37,10 +36,10 @@ def test_a_new_study_is_the_papers_under_its_own_title(capsys: pytest.CaptureFix
 
 def test_a_new_study_may_start_from_a_preset(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "new", "as-fitted", "--preset", "fitted")[0] == 0
-    study, fit = open_study(Path("as-fitted.toml")), fitted()["study"]
-    assert study.arbiter.transition == fit["arbiter"]["transition"] == "replan"
-    assert study.arbiter.rationality_per_m == fit["arbiter"]["rationality_per_m"]
-    assert study.robot.speed_m_s == fit["robot"]["speed_m_s"]
+    study = open_study(Path("as-fitted.toml"))
+    assert study.arbiter.transition == "replan"
+    assert study.arbiter.rationality_per_m == 6.31
+    assert study.robot.speed_m_s == 0.02687
 
 
 @pytest.mark.parametrize(("name", "title"), [("my.toml", "My"), ('say "hi"', 'Say "hi"'), ("größe", "Größe")])

@@ -115,12 +115,12 @@ def test_what_waits_of_another_simulation_is_not_mixed_in(tmp_path: Path) -> Non
 
 
 def test_presets_are_study_files_of_their_own() -> None:
-    plans = {name: make_plan(1, "kinematic", name) for name in ("paper", "lab", "fitted")}
+    plans = {name: make_plan(1, "kinematic", name) for name in ("shipped", "paper", "lab", "fitted")}
     rationality = {name: plan.case(0).setup.study.arbiter.rationality_per_m for name, plan in plans.items()}
     assert rationality["paper"] == 1.0
     assert rationality["lab"] == 5.0
-    assert len({plan.case(0).setup.study.hash for plan in plans.values()}) == 3
-    assert plans["lab"].study_text == open_study(None).source_text
+    assert len({plans[name].case(0).setup.study.hash for name in ("paper", "lab", "fitted")}) == 3
+    assert plans["shipped"].study_text == open_study(None).source_text
 
 
 def test_a_study_file_is_simulated_as_it_stands(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import pytest
 from app.autonomy.arbiters.weighing import Weights
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
-from app.simulated.variants import preset_changes
+from app.simulated.variants import changed_study, preset_changes
 from app.trial.values import RobotTiming
+from app.trial.world import open_study
 from sim.interface import TICK_S
 from study import records
 from study.definition.sections import ArbiterSettings, RobotSettings
@@ -18,12 +19,39 @@ from tests.support.arbiter_cases import ArbiterCase
 
 
 def test_presets() -> None:
-    assert preset_changes("paper") == {"arbiter": {"rationality_per_m": 1.0, "stickiness": 0.0}}
-    assert preset_changes("lab") == {"arbiter": {"rationality_per_m": 5.0, "stickiness": 0.003}}
-    assert preset_changes("fitted")["arbiter"]["transition"] == "replan"
-    assert preset_changes(None) == {}
-    with pytest.raises(LabError, match="paper, lab, fitted"):
+    assert preset_changes(None) == preset_changes("shipped") == {}
+    with pytest.raises(LabError, match="shipped, paper, lab, fitted"):
         preset_changes("home")
+
+
+KNOWN: dict[str, dict[str, object]] = {
+    "lab": {"rationality_per_m": 5.0, "step_m": 0.05, "planning_delay": 0.2, "transition": "mix", "stickiness": 0.003},
+    "paper": {"rationality_per_m": 1.0, "step_m": 0.05, "planning_delay": 0.2, "transition": "mix", "stickiness": 0.0},
+    "fitted": {
+        "rationality_per_m": 6.31,
+        "step_m": 0.03,
+        "planning_delay": 0.8,
+        "transition": "replan",
+        "stickiness": 0.003,
+    },
+}
+SPEED_M_S = {"lab": 0.04, "paper": 0.04, "fitted": 0.02687}
+PLACEMENT = {"lab": "same_page_away", "paper": "same_page_away", "fitted": "second_device"}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_preset_that_was_published_keeps_its_values_whatever_ships(name: str) -> None:
+    study = changed_study(open_study(None), preset_changes(name))
+    arbiter = study.arbiter.model_dump()
+    assert {key: arbiter[key] for key in KNOWN[name]} == KNOWN[name]
+    assert study.robot.speed_m_s == SPEED_M_S[name]
+    assert study.distractor.placement == PLACEMENT[name]
+    assert study.layout == "arc"
+
+
+def test_a_preset_leaves_the_layout_of_a_file_of_ones_own() -> None:
+    rows = changed_study(open_study(None), {"": {"layout": "rows"}})
+    assert changed_study(rows, preset_changes("fitted", layout=False)).layout == "rows"
 
 
 def test_the_mathematics_and_the_study_file_have_the_same_defaults() -> None:
