@@ -56,12 +56,13 @@ def replicate(
     With --out, the same command goes on where an interrupted one was.
     """
     from app.replication.replicate import replicate
-    from app.replication.text import LEGEND, table, write
+    from app.replication.spreadsheets import write
+    from app.replication.text import on_screen
     from app.simulated.study import make_plan
 
     plan = make_plan(seed, robot, preset)
     result = replicate(plan, preset, studies, participants, workers, vary, out)
-    print(f"{table(result)}\n\n{LEGEND}")
+    print(on_screen(result))
     if out is not None:
         write(result, out)
         print(f"report: {out / 'replication.md'}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, REPORTED, Claim
+from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, DIFFERENCES, REPORTED, Claim
 from app.replication.studies import SURVEYS, Values
 from study.analysis.analysis import compare
 from study.analysis.effect_sizes import NotFitted
@@ -61,6 +61,21 @@ class Share:
         if self.claim.verdict == "different":
             return self.same_sign >= SIGN_AIM and self.significant >= SIGNIFICANT_AIM
         return 1.0 - self.significant >= SIGNIFICANT_AIM
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The paper's differences all at once, over studies: each study counts as a whole."""
+
+    comparisons: int
+    studies: int
+    signs: float
+    """Share of the studies in which every difference has the paper's sign."""
+    significant: float
+    """And is significant."""
+    mean_signs: float
+    mean_significant: float
+    """How many of the differences a study has, on average."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +156,23 @@ def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
 def shares(tested: Sequence[Mapping[Claim, Contrast]], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
     """All studies together; a study in which a comparison could not be made counts against it."""
     return tuple(_share(claim, [study[claim] for study in tested if claim in study], len(tested)) for claim in claims)
+
+
+def joint(tested: Sequence[Mapping[Claim, Contrast]], claims: Sequence[Claim] = DIFFERENCES) -> Joint:
+    """How many studies show all of these differences; one that could not be tested is none."""
+    signs = [[claim in study and study[claim].difference * claim.sign > 0.0 for claim in claims] for study in tested]
+    significant = [
+        [sign and study[claim].p < ALPHA for claim, sign in zip(claims, of, strict=True)]
+        for study, of in zip(tested, signs, strict=True)
+    ]
+    return Joint(
+        comparisons=len(claims),
+        studies=len(tested),
+        signs=_part([all(of) for of in signs]),
+        significant=_part([all(of) for of in significant]),
+        mean_signs=float(np.mean([sum(of) for of in signs])) if signs else float("nan"),
+        mean_significant=float(np.mean([sum(of) for of in significant])) if significant else float("nan"),
+    )
 
 
 def _share(claim: Claim, found: Sequence[Contrast], studies: int) -> Share:

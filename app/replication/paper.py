@@ -105,6 +105,9 @@ CLAIMS: tuple[Claim, ...] = (
 CIRCULAR = ("sus_modified", "tlx_raw")
 """Measures that the simulation's model assumes rather than predicts; see `app.simulated.answers`."""
 
+DIFFERENCES: tuple[Claim, ...] = tuple(c for c in CLAIMS if c.verdict == "different" and c.measure not in CIRCULAR)
+"""The thirteen differences that the paper found in what it measured of the robot and the tasks."""
+
 UNCERTAIN_WINDOWS = {"pickup": 108, "all": 247}
 """How many windows had entropy above 0.7, all conditions together, at least: error degrees of freedom and 3. Of about
 337 and 624 windows in all (ticks times rate)."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from app.errors import LabError
 from app.replication.comparisons import ALPHA, compared
+from app.replication.formats import name_of
 from app.replication.paper import CIRCULAR, CLAIMS, Claim
 from app.replication.studies import Person, Pool, Values
-from app.replication.text import name_of
 from app.simulated.progress import progress
 from app.simulated.study import MAX_WORKERS, check_count, run_jobs
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import LabError
-from app.replication.comparisons import GoalGain, Means, Share, compared, goal_gains, means, shares
+from app.replication.comparisons import GoalGain, Joint, Means, Share, compared, goal_gains, joint, means, shares
+from app.replication.long_tasks import Lengths, summed_up
 from app.replication.paper import Claim
 from app.replication.studies import MAX_STUDIES, Values, run_studies
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
@@ -116,6 +117,10 @@ class Replication:
     shares: tuple[Share, ...]
     means: tuple[Means, ...]
     goals: tuple[GoalGain, ...]
+    joint: Joint
+    """The paper's thirteen differences at once."""
+    lengths: tuple[Lengths, ...]
+    """How long tasks take without time limits."""
     varied: tuple[tuple[Variation, tuple[Share, ...]], ...] = ()
     unvaried: tuple[Share, ...] = ()
     """The first studies with nothing changed: as many as each variation ran, of the same people."""
@@ -156,6 +161,8 @@ def replicate(
         shares=shares(base),
         means=means(values),
         goals=goal_gains(values),
+        joint=joint(base),
+        lengths=summed_up([task for study in values for task in study.lengths]),
         varied=tuple(rows),
         unvaried=shares(base[:vary]) if vary else (),
         vary=min(vary, studies),

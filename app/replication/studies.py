@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import LabError
+from app.replication.long_tasks import TaskLength, lengths_of_person
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
 from app.simulated.progress import progress
@@ -33,6 +34,8 @@ from study.text_file import opened
 Key = tuple[str, str]
 """Measure and kind, as in `app.replication.paper.REPORTED`."""
 MAX_STUDIES = 10_000
+VALUES_VERSION = 2
+"""Of what a study on disk holds; 2 = with the length of every task."""
 MOST_STUDY_BYTES = 50_000_000
 """Of one study on disk, unpacked: a hundred times a usual one."""
 SURVEYS = ("sus_modified", "tlx_raw")
@@ -40,10 +43,12 @@ SURVEYS = ("sus_modified", "tlx_raw")
 
 @dataclass(frozen=True)
 class Values:
-    """What is compared, for some participants: observations by measure and kind, and a few counts."""
+    """What is compared, for some participants: observations by measure and kind, a few counts, and how long tasks take
+    without time limits."""
 
     observations: dict[Key, tuple[Observation, ...]]
     counts: dict[str, int] = field(default_factory=dict)
+    lengths: tuple[TaskLength, ...] = ()
 
     def joined(self, others: Iterable[Values]) -> Values:
         """These and others together."""
@@ -51,6 +56,7 @@ class Values:
         return Values(
             {key: tuple(one for item in everything for one in item.observations[key]) for key in self.observations},
             {name: sum(item.counts.get(name, 0) for item in everything) for name in self.counts},
+            tuple(task for item in everything for task in item.lengths),
         )
 
 
@@ -64,7 +70,8 @@ def run_participant(plan: Plan, first_order: int, index: int) -> Values:
     case = plan.case(index)
     choices = orders(case.setup.study)
     case = replace(case, order=choices[(first_order + index) % len(choices)])
-    record = simulate_trials(case, partial(make_robot, plan.robot))
+    robot = partial(make_robot, plan.robot)
+    record = simulate_trials(case, robot)
     complete = len(record["tasks"]) == len(choices[0]) * case.setup.study.tasks_per_trial
     measures = measure(record["tasks"], record["ticks"]) if complete else measure([], [])
     scores = survey_scores(record["survey_answers"]) if complete else ()
@@ -87,7 +94,7 @@ def run_participant(plan: Plan, first_order: int, index: int) -> Values:
         "uncertain_windows_pickup": len(measures.gains("pickup")),
         "uncertain_windows_all": len(measures.gains()),
     }
-    return Values(found, counts)
+    return Values(found, counts, lengths_of_person(case, record, robot))
 
 
 def run_study(plan: Plan, participants: int, study: int) -> Values:
@@ -138,6 +145,7 @@ class Archive:
                     for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
                 },
                 dict(data["counts"]),
+                tuple(TaskLength(*values) for values in data["lengths"]),
             )
         except (OSError, EOFError, zlib.error, ValueError, TypeError, KeyError, AttributeError) as error:
             why = getattr(error, "reason", None) or f"{type(error).__name__}: {error}"
@@ -150,6 +158,7 @@ class Archive:
         data = {
             "observations": {"/".join(key): [astuple(one) for one in of] for key, of in values.observations.items()},
             "counts": values.counts,
+            "lengths": [astuple(one) for one in values.lengths],
         }
         unfinished = self._place(study).with_suffix(f".{os.getpid()}")
         with gzip.open(unfinished, "wt", encoding="utf-8", compresslevel=3) as file:
@@ -166,7 +175,7 @@ def run_studies(
 ) -> list[Values]:
     """The values of every study, in order; those on disk are not run again."""
     check_count("studies", studies, MAX_STUDIES)
-    archive = Archive(folder, {**plan.settings(), "participants": participants})
+    archive = Archive(folder, {**plan.settings(), "participants": participants, "values_version": VALUES_VERSION})
     archive.open()
     done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
     missing = [study for study in range(studies) if study not in done]

@@ -1,15 +1,13 @@
-"""The replication as text: the table on the screen, the report, and the tables for a spreadsheet."""
+"""The replication as text: the table on the screen, and the report."""
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
-from app.errors import LabError
-from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Means, Share
+from app.replication import long_tasks
+from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Share
+from app.replication.formats import CONDITION_NAMES, MEASURE_NAMES, code, columns, name_of, number, percent
 from app.replication.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
 from app.replication.replicate import Replication, Variation, calibrated_alpha
 from app.simulated.study import setup_of
@@ -18,38 +16,6 @@ from app.simulated.variants import fitted
 
 MOVED = 0.15
 """A variation is said to move a comparison when a share changes by more than this and twice its standard error."""
-
-_SHORT = {
-    "belief_gain": "gain",
-    "convergence_user_actions": "convergence",
-    "efficiency_ticks": "efficiency",
-    "window_rate": "window rate",
-    "sus_modified": "usability",
-    "tlx_raw": "workload",
-}
-_NAMES = {"teleoperation": "teleop", "goal_oriented": "goal", "balanced": "balanced"}
-_SHARE_COLUMNS = (
-    *("measure", "kind", "first", "second", "paper_says", "paper_difference", "difference", "low", "high"),
-    *("same_sign", "significant", "significant_opposite", "margin", "within_margin", "shown_equivalent", "aim_met"),
-)
-_MEANS_COLUMNS = ("measure", "kind", "condition", "paper_mean", "paper_sd", "mean", "low", "high", "sd", "within_sd")
-
-
-def write(result: Replication, out_dir: Path) -> None:
-    """The report and its tables. Raises `LabError` when they cannot be written."""
-    rows = [[variation.name, *_share_row(item)] for variation, of in result.varied for item in of]
-    try:
-        (out_dir / "replication.md").write_text(report(result), encoding="utf-8")
-        _write_csv(out_dir / "comparisons.csv", _SHARE_COLUMNS, [_share_row(item) for item in result.shares])
-        _write_csv(out_dir / "means.csv", _MEANS_COLUMNS, [_means_row(item) for item in result.means])
-        _write_csv(out_dir / "varied.csv", ("varied", *_SHARE_COLUMNS), rows)
-    except OSError as error:
-        raise LabError(f"{out_dir}: cannot be written: {error.strerror or error}") from None
-
-
-def name_of(claim: Claim) -> str:
-    """A comparison in a few words."""
-    return f"{_SHORT[claim.measure]} {claim.kind}: {_NAMES[claim.first]} - {_NAMES[claim.second]}"
 
 
 def table(result: Replication) -> str:
@@ -63,8 +29,8 @@ def table(result: Replication) -> str:
         rows.append(
             (
                 name_of(claim),
-                f"{_number(claim.paper_difference, claim.measure)} {'n.s.' if same else '*   '}",
-                f"{_number(item.mean, claim.measure)} [{_number(low, claim.measure)}, {_number(high, claim.measure)}]",
+                f"{number(claim.paper_difference, claim.measure)} {'n.s.' if same else '*   '}",
+                f"{number(item.mean, claim.measure)} [{number(low, claim.measure)}, {number(high, claim.measure)}]",
                 f"{item.same_sign:.0%}" if claim.sign else "",
                 f"{item.significant:.0%}",
                 f"{item.within:.0%}" if same else "",
@@ -72,7 +38,7 @@ def table(result: Replication) -> str:
                 ("met" if item.met else "MISSED") + ("*" if claim.measure in CIRCULAR else ""),
             )
         )
-    return _columns(rows)
+    return columns(rows, ends_in_words=True)
 
 
 LEGEND = f"""\
@@ -81,6 +47,12 @@ direction; where the paper found no difference, in any. within: the study's diff
 shown: the study shows that it is (two one-sided tests). Aim, where the paper found a difference: sign in
 {SIGN_AIM:.0%} and significance in {SIGNIFICANT_AIM:.0%} of studies; where it found none: none in {SIGNIFICANT_AIM:.0%}.
 * circular: usability and workload follow from an assumed model (app/simulated/answers.py) and replicate nothing."""
+
+
+def on_screen(result: Replication) -> str:
+    """What the command prints."""
+    lengths = f"{long_tasks.table(result.lengths)}\n\n{long_tasks.sentence(result.lengths)}"
+    return f"{table(result)}\n\n{LEGEND}\n\n{joint_sentence(result)}\n\nWithout time limits:\n{lengths}"
 
 
 def report(result: Replication) -> str:
@@ -99,27 +71,51 @@ def report(result: Replication) -> str:
         "Goal-oriented and balanced are predictions. The kind of transition model, its delay and step were chosen "
         "beforehand, knowing how an earlier prototype fared: in that respect the predictions are not blind.",
         "## Comparisons",
-        _code(table(result)),
+        code(table(result)),
         LEGEND,
         _verdict(result),
+        "## All at once",
+        joint_sentence(result),
         "## Means",
-        _code(_means_table(result)),
+        code(_means_table(result)),
         "Ours is the mean over studies with the middle 95 %, and the mean SD within a study.",
         "## Belief gain by number of goals (the paper's Fig. 4)",
-        _code(_goals_table(result)),
+        code(_goals_table(result)),
         "The paper's trend is upward for balanced and downward for goal-oriented (untested there). Dropoffs have two "
         "goals, pickups four to six, so a trend can be pickups against dropoffs.",
+        "## How long tasks take without time limits",
+        code(long_tasks.table(result.lengths)),
+        long_tasks.sentence(result.lengths),
+        LENGTHS_LEGEND,
         "## What happened",
-        _code(_counts_table(result)),
+        code(_counts_table(result)),
         *_varied(result),
         "## Calibration",
-        _code(_fit_table()),
+        code(_fit_table()),
         "## The model of a participant",
-        _code(_traits_table(result)),
+        code(_traits_table(result)),
         "Spread is the standard deviation of the logarithm over people. How the traits act stands in "
         "app/simulated/driver.py.",
     ]
     return "\n\n".join(parts) + "\n"
+
+
+LENGTHS_LEGEND = (
+    "Whoever reached a time limit was simulated again without, so that the longest are what they would have been. "
+    "Failed and unfinished tasks count. Lengths are control ticks of 0.5 s, as in the paper's task efficiency; M and "
+    "SD are the paper's of it (for dropoffs, of all tasks). blocked: share of them in which the arm was asked to move "
+    "and did not; cannot fold: in which it did not because it cannot fold further."
+)
+
+
+def joint_sentence(result: Replication) -> str:
+    """In how many studies everything comes out at once."""
+    of = result.joint
+    return (
+        f"All {of.comparisons} differences have the paper's sign at once in {percent(of.signs)} of the {of.studies} "
+        f"studies, and all are significant at once in {percent(of.significant)}. On average {of.mean_signs:.1f} have "
+        f"the sign and {of.mean_significant:.1f} are significant."
+    )
 
 
 def _verdict(result: Replication) -> str:
@@ -129,13 +125,12 @@ def _verdict(result: Replication) -> str:
     signed = sum(item.same_sign >= SIGN_AIM for item in different)
     significant = sum(item.significant >= SIGNIFICANT_AIM for item in different)
     off = [item for item in result.means if item.measure not in CIRCULAR and not item.within_sd]
+    named = ", ".join(f"{MEASURE_NAMES[i.measure]} {i.kind} {CONDITION_NAMES[i.condition]}" for i in off)
     lines = [
         f"Of the paper's {len(different)} differences, {signed} have its sign in at least {SIGN_AIM:.0%} of studies "
         f"and {significant} are significant in at least {SIGNIFICANT_AIM:.0%}. Of the {len(same)} comparisons without "
         f"a difference, {sum(item.met for item in same)} stay without one in at least {SIGNIFICANT_AIM:.0%}.",
-        f"{len(off)} means lie outside the paper's SD"
-        + (": " + ", ".join(f"{_SHORT[i.measure]} {i.kind} {_NAMES[i.condition]}" for i in off) if off else "")
-        + ".",
+        f"{len(off)} means lie outside the paper's SD{': ' + named if named else ''}.",
     ]
     return "\n\n".join(lines)
 
@@ -165,14 +160,14 @@ def _varied(result: Replication) -> list[str]:
                 if (text := _moves(before, _same(item.claim, of), variation, result.vary))
             ]
             lines.append(
-                f"- **{name_of(item.claim)}** (sign {_percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
-                f"difference {_number(item.mean, item.claim.measure)}, "
-                f"paper {_number(item.claim.paper_difference, item.claim.measure)}): "
+                f"- **{name_of(item.claim)}** (sign {percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
+                f"difference {number(item.mean, item.claim.measure)}, "
+                f"paper {number(item.claim.paper_difference, item.claim.measure)}): "
                 + ("; ".join(moved) if moved else "no variation moves it")
                 + "."
             )
         parts.append("\n".join([lines[0], "", *lines[1:]]) if items else f"{lines[0]}\n\nNone.")
-    parts += ["### Mean differences under each variation", _code(_differences_table(result))]
+    parts += ["### Mean differences under each variation", code(_differences_table(result))]
     return parts
 
 
@@ -192,7 +187,7 @@ def _moves(before: Share, after: Share, variation: Variation, studies: int) -> s
             told.append(f"{word} {one:.0%} to {other:.0%}")
     if not told:
         return None
-    numbers = (_number(share.mean, share.claim.measure) for share in (before, after))
+    numbers = (number(share.mean, share.claim.measure) for share in (before, after))
     return f"{variation.name}: {', '.join(told)} (difference {' to '.join(numbers)})"
 
 
@@ -201,15 +196,15 @@ def _differences_table(result: Replication) -> str:
     head = ("varied", *(f"{_CODES[item.claim.measure]}{item.claim.kind[0]}:{_pair(item.claim)}" for item in own))
     rows: list[tuple[str, ...]] = [
         head,
-        ("paper", *(_number(item.claim.paper_difference, item.claim.measure) for item in own)),
+        ("paper", *(number(item.claim.paper_difference, item.claim.measure) for item in own)),
     ]
     for name, of in (("nothing", result.unvaried), *((variation.name, of) for variation, of in result.varied)):
-        rows.append((name, *(_number(_same(item.claim, of).mean, item.claim.measure) for item in own)))
+        rows.append((name, *(number(_same(item.claim, of).mean, item.claim.measure) for item in own)))
     legend = (
         "G gain, C convergence, E efficiency, W window rate; p pickups, a all tasks;\n"
         "B balanced, O goal-oriented, T teleoperation."
     )
-    return _columns(rows) + "\n" + legend
+    return columns(rows) + "\n" + legend
 
 
 _CODES = {"belief_gain": "G", "convergence_user_actions": "C", "efficiency_ticks": "E", "window_rate": "W"}
@@ -223,16 +218,16 @@ def _pair(claim: Claim) -> str:
 def _means_table(result: Replication) -> str:
     rows: list[tuple[str, ...]] = [("measure", "paper M (SD)", "ours M [95 %] (SD)", "within SD")]
     for item in result.means:
-        mean, low, high, sd = (_number(value, item.measure) for value in (item.mean, *item.interval, item.sd))
+        mean, low, high, sd = (number(value, item.measure) for value in (item.mean, *item.interval, item.sd))
         rows.append(
             (
-                f"{_SHORT[item.measure]} {item.kind}, {_NAMES[item.condition]}",
-                f"{_number(item.paper_mean, item.measure)} ({_number(item.paper_sd, item.measure)})",
+                f"{MEASURE_NAMES[item.measure]} {item.kind}, {CONDITION_NAMES[item.condition]}",
+                f"{number(item.paper_mean, item.measure)} ({number(item.paper_sd, item.measure)})",
                 f"{mean} [{low}, {high}] ({sd})",
                 "yes" if item.within_sd else "NO",
             )
         )
-    return _columns(rows)
+    return columns(rows)
 
 
 def _goals_table(result: Replication) -> str:
@@ -241,10 +236,10 @@ def _goals_table(result: Replication) -> str:
         ("condition", *(f"{count} goals" for count in counts), "rising", "rising p<.05", "falling p<.05")
     ]
     for item in result.goals:
-        gains = (_number(item.by_goals[count], "belief_gain") if count in item.by_goals else "" for count in counts)
+        gains = (number(item.by_goals[count], "belief_gain") if count in item.by_goals else "" for count in counts)
         parts = (item.rising, item.rising_significant, item.falling_significant)
-        rows.append((_NAMES[item.condition], *gains, *(_percent(part) for part in parts)))
-    return _columns(rows)
+        rows.append((CONDITION_NAMES[item.condition], *gains, *(percent(part) for part in parts)))
+    return columns(rows)
 
 
 def _counts_table(result: Replication) -> str:
@@ -262,7 +257,7 @@ def _counts_table(result: Replication) -> str:
     }
     rows: list[tuple[str, ...]] = [("per study", "ours", "paper")]
     rows += [(name.replace("_", " "), f"{total / studies:.1f}", paper.get(name, "")) for name, total in totals.items()]
-    return _columns(rows)
+    return columns(rows, ends_in_words=True)
 
 
 def _fit_table() -> str:
@@ -271,17 +266,17 @@ def _fit_table() -> str:
         return str(found)
     rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", *found["variants"])]
     first = next(iter(found["variants"].values()))
-    for number, anchor in enumerate(first["anchors"]):
-        ours = (_number(item["anchors"][number]["ours"], anchor["measure"]) for item in found["variants"].values())
+    for place, anchor in enumerate(first["anchors"]):
+        ours = (number(item["anchors"][place]["ours"], anchor["measure"]) for item in found["variants"].values())
         rows.append(
-            (f"{_SHORT[anchor['measure']]} {anchor['kind']}", _number(anchor["paper"], anchor["measure"]), *ours)
+            (f"{MEASURE_NAMES[anchor['measure']]} {anchor['kind']}", number(anchor["paper"], anchor["measure"]), *ours)
         )
     rows.append(("misfit", "", *(f"{item['misfit']:.1f}" for item in found["variants"].values())))
     windows = (f"{item['windows_above_entropy']} of {item['windows']}" for item in found["variants"].values())
     rows.append(("windows above 0.7 (not fitted)", "", *windows))
     values = "\n".join(f"{name}: {json.dumps(item['values'])}" for name, item in found["variants"].items())
     note = found.get("note", "")
-    return f"{_columns(rows)}\n\n{values}\n\n{found['by']}. {note}"
+    return f"{columns(rows)}\n\n{values}\n\n{found['by']}. {note}"
 
 
 def _traits_table(result: Replication) -> str:
@@ -289,54 +284,4 @@ def _traits_table(result: Replication) -> str:
     for name, trait in TRAITS.items():
         mean, spread = result.plan.population.mean(name), trait.spread * result.plan.population.spread_scale
         rows.append((name, f"{mean:.4g}", f"{spread:.2g}", "yes" if trait.fitted else "", trait.about))
-    return _columns(rows)
-
-
-# ---- tables ---------------------------------------------------------------------------------------------------------
-
-
-def _share_row(item: Share) -> list[Any]:
-    claim, (low, high) = item.claim, item.interval
-    numbers = (claim.paper_difference, item.mean, low, high, item.same_sign, item.significant, item.opposite)
-    return [
-        *(claim.measure, claim.kind, claim.first, claim.second, claim.verdict),
-        *(f"{number:.6g}" for number in numbers),
-        *((claim.margin, item.within, item.equivalent) if claim.margin else ("", "", "")),
-        int(item.met),
-    ]
-
-
-def _means_row(item: Means) -> list[Any]:
-    numbers = (item.paper_mean, item.paper_sd, item.mean, *item.interval, item.sd)
-    return [item.measure, item.kind, item.condition, *(f"{value:.6g}" for value in numbers), int(item.within_sd)]
-
-
-def _write_csv(path: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows([columns, *rows])
-
-
-_DECIMALS = {"belief_gain": 4, "convergence_user_actions": 1, "efficiency_ticks": 1, "window_rate": 4}
-
-
-def _number(value: float, measure: str) -> str:
-    return f"{value:.{_DECIMALS.get(measure, 2)}f}"
-
-
-def _percent(value: float) -> str:
-    return "" if value != value else f"{value:.0%}"
-
-
-def _code(text: str) -> str:
-    return f"```\n{text}\n```"
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of text in columns: words to the left, numbers to the right."""
-    widths = [max(len(row[index]) for row in rows) for index in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(row[1:-1], widths[1:-1], strict=True)]
-        lines.append("  ".join([*cells, row[-1]]))
-    return "\n".join(lines)
+    return columns(rows, ends_in_words=True)

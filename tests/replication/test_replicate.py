@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import math
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +14,28 @@ import pytest
 
 from app.__main__ import main
 from app.errors import LabError
-from app.replication.comparisons import Contrast, compared, goal_gains, means, shares
-from app.replication.paper import CIRCULAR, CLAIMS, REPORTED, Claim, reported
+from app.replication.comparisons import Contrast, compared, goal_gains, joint, means, shares
+from app.replication.long_tasks import (
+    LONG_TICKS,
+    TaskLength,
+    lengths_of,
+    lengths_of_person,
+    met,
+    sentence,
+    summed_up,
+    without_limits,
+)
+from app.replication.paper import CIRCULAR, CLAIMS, DIFFERENCES, REPORTED, Claim, reported
 from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
+from app.replication.spreadsheets import TABLES, write
 from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
-from app.replication.text import report, table, write
+from app.replication.text import report, table
+from app.simulated.participant import simulate_trials
 from app.simulated.study import Plan, make_plan, setup_of
 from app.simulated.traits import TRAITS
 from app.simulated.variants import changed_study, fitted_population, preset_changes
-from app.trial.world import open_study
+from app.trial.robots import make_robot
+from app.trial.world import open_study, parse_text
 from tests.support.study_values import as_the_paper_found
 
 pytestmark = pytest.mark.slow
@@ -92,6 +107,58 @@ def test_without_effects_about_one_in_twenty_is_significant() -> None:
     claims = [claim for claim in CLAIMS if (claim.measure, claim.kind) == ("efficiency_ticks", "all")]
     found = shares([compared(as_the_paper_found(rng, 12, effect=0.0), claims) for _ in range(60)], claims)
     assert np.mean([share.significant + share.opposite for share in found]) < 0.1
+
+
+def test_all_at_once_is_counted_study_by_study() -> None:
+    right = {claim: Contrast(1.0 * claim.sign, 0.01, False) for claim in DIFFERENCES}
+    first, second = DIFFERENCES[:2]
+    studies = [
+        right,
+        {**right, first: Contrast(1.0 * first.sign, 0.20, False)},  # a sign, but not significant
+        {**right, second: Contrast(-1.0 * second.sign, 0.01, False)},  # significant the other way
+        {claim: item for claim, item in right.items() if claim != first},  # could not be tested
+    ]
+    found = joint(studies)
+    assert (found.comparisons, found.studies) == (13, 4)
+    assert (found.signs, found.significant) == (0.5, 0.25)
+    assert found.mean_signs == pytest.approx((13 + 13 + 12 + 12) / 4)
+    assert found.mean_significant == pytest.approx((13 + 12 + 12 + 12) / 4)
+
+
+# ---- how long tasks take --------------------------------------------------------------------------------------------
+
+
+def test_tasks_are_counted_by_condition_and_kind() -> None:
+    tasks = [
+        TaskLength("balanced", "pickup", LONG_TICKS, 30, 3),
+        TaskLength("balanced", "pickup", LONG_TICKS + 1, 0, 0),
+    ]
+    tasks += [TaskLength("teleoperation", "dropoff", 400, 0, 0)]
+    teleoperated, balanced = sorted(summed_up(tasks), key=lambda row: row.kind)
+    assert (balanced.tasks, balanced.long, balanced.longest) == (2, 0.5, LONG_TICKS + 1)
+    assert balanced.blocked == pytest.approx(30 / (2 * LONG_TICKS + 1))
+    assert balanced.folded == pytest.approx(3 / (2 * LONG_TICKS + 1))
+    assert teleoperated.beyond_paper == 1.0, "the paper's mean plus three SD are 353 ticks"
+    assert not met(summed_up(tasks))
+    assert "MISSED" in sentence(summed_up(tasks))
+    assert met(summed_up(tasks[:1]))
+    assert "nothing can be said" in sentence(summed_up(tasks[2:]))
+
+
+def test_who_reached_a_time_limit_is_simulated_without() -> None:
+    """A limit of 25 s ends pickups; without it they take what they take, and all others are as before."""
+    plan = small_plan()
+    limited = changed_study(parse_text(plan.study_text, "limited"), {"": {"task_limit_s": 25.0}})
+    robot = partial(make_robot, "kinematic")
+    case = replace(plan, study_text=limited.source_text).case(0)
+    record = simulate_trials(case, robot)
+    assert any(task.reason == "time_limit" for task in record["tasks"])
+    ended = lengths_of(record["ticks"])
+    found = lengths_of_person(case, record, robot)
+    assert found == lengths_of(simulate_trials(without_limits(case), robot)["ticks"])
+    assert max(task.control_ticks for task in found) > 50 >= max(task.control_ticks for task in ended)
+    unlimited = lengths_of(simulate_trials(plan.case(0), robot)["ticks"])
+    assert found == unlimited, "the shipped study's limits are reached by nobody here, so that they change nothing"
 
 
 def test_means_stand_beside_the_paper_s() -> None:
@@ -181,9 +248,22 @@ def result() -> Replication:
     plan = make_plan(1, "kinematic", "fitted")
     nothing = compare_all([as_the_paper_found(rng, effect=0.0) for _ in range(3)], 1)
     other = next(item for item in variations(plan) if item.name == "alpha / 3")
-    rows = ((other, shares(nothing)),)
-    base = shares(compare_all(studies, 1))
-    return Replication(plan, "fitted", 12, studies, base, means(studies), goal_gains(studies), rows, base, 3)
+    tested = compare_all(studies, 1)
+    base = shares(tested)
+    return Replication(
+        plan=plan,
+        preset="fitted",
+        participants=12,
+        studies=studies,
+        shares=base,
+        means=means(studies),
+        goals=goal_gains(studies),
+        joint=joint(tested),
+        lengths=summed_up([TaskLength("balanced", "pickup", ticks, 3, 1) for ticks in (100, 200, 301)]),
+        varied=((other, shares(nothing)),),
+        unvaried=base,
+        vary=3,
+    )
 
 
 def test_the_report_holds_every_comparison_and_parameter(result: Replication) -> None:
@@ -212,6 +292,13 @@ def test_tables_are_written(result: Replication, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(CLAIMS)
     assert all(0.0 <= float(row["significant"]) <= 1.0 for row in rows)
+    with (tmp_path / "columns.csv").open() as file:
+        described = {(row["file"], row["column"]) for row in csv.DictReader(file) if row["description"]}
+    for name in TABLES:
+        with (tmp_path / name).open() as file:
+            assert {(name, column) for column in next(csv.reader(file))} <= described
+    with (tmp_path / "lengths.csv").open() as file:
+        assert [row["longest"] for row in csv.DictReader(file)] == ["301"]
     with (tmp_path / "means.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 3 * len(REPORTED)
 
