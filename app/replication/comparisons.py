@@ -54,14 +54,6 @@ class Share:
         """The middle 95 % of the studies."""
         return middle(self.differences)
 
-    @property
-    def met(self) -> bool:
-        """Whether the aim is met: the sign in 95 % and significance in 80 % of the studies, or no significant
-        difference in 80 %."""
-        if self.claim.verdict == "different":
-            return self.same_sign >= SIGN_AIM and self.significant >= SIGNIFICANT_AIM
-        return 1.0 - self.significant >= SIGNIFICANT_AIM
-
 
 @dataclass(frozen=True)
 class Joint:

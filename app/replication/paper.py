@@ -21,6 +21,17 @@ class Reported:
 
 
 @dataclass(frozen=True)
+class Tested:
+    """The F test of the condition that the paper reports for a measure: F(2, `df_error`)."""
+
+    measure: str
+    kind: Literal["pickup", "all"]
+    df_error: int
+    f: float | None
+    """None = not reported."""
+
+
+@dataclass(frozen=True)
 class Claim:
     """One comparison: `first` less `second` is `sign` (+1, -1), significant at .05, or no difference was found.
 
@@ -71,6 +82,20 @@ REPORTED: tuple[Reported, ...] = (
     _reported("sus_modified", "all", (5.38, 1.04), (5.18, 1.16), (4.33, 1.02)),
     _reported("tlx_raw", "all", (3.07, 1.29), (3.04, 1.14), (3.67, 1.74)),
 )
+
+TESTS: tuple[Tested, ...] = (
+    Tested("belief_gain", "pickup", 105, 16.57),
+    Tested("belief_gain", "all", 244, 7.72),
+    Tested("convergence_user_actions", "pickup", 87, 9.52),
+    Tested("convergence_user_actions", "all", 174, 13.22),
+    Tested("efficiency_ticks", "pickup", 88, 20.61),
+    Tested("efficiency_ticks", "all", 181, 40.33),
+    Tested("window_rate", "all", 22, None),
+    Tested("sus_modified", "all", 22, 8.21),
+    Tested("tlx_raw", "all", 22, 5.60),
+)
+"""In the order of `REPORTED`. Twelve people under three conditions have F(2, 22) where each gives one value."""
+PARTICIPANTS = 12
 
 CLAIMS: tuple[Claim, ...] = (
     Claim("belief_gain", "pickup", BALANCED, GOAL_ORIENTED, "different", +1),

@@ -9,6 +9,7 @@ from typing import Any
 
 from app.errors import LabError
 from app.replication import long_tasks
+from app.replication.ceiling import Ceiling, ceiling, numbers_of
 from app.replication.comparisons import Means, Share
 from app.replication.formats import write_csv
 from app.replication.replicate import Replication
@@ -30,7 +31,10 @@ _SHARE: Mapping[str, str] = {
     "margin": "differences smaller than this count as none; blank where the paper found one",
     "within_margin": "share of studies whose difference is smaller than the margin",
     "shown_equivalent": "share of studies that show it to be (two one-sided tests at .05)",
-    "aim_met": "1 = the aim is met",
+    "ceiling_same_sign": "same_sign with the paper's own means, SDs and numbers of values exactly true",
+    "ceiling_significant": "significant, likewise",
+    "aim": "share to be reached: of significance, or of none where the paper found no difference",
+    "aim_met": "1 = it is reached, and same_sign is at least .95 where the paper found a difference",
 }
 _MEANS: Mapping[str, str] = {
     "measure": "what is measured",
@@ -45,6 +49,7 @@ _MEANS: Mapping[str, str] = {
     "within_sd": "1 = ours is within one of the paper's SD of its mean",
 }
 _JOINT: Mapping[str, str] = {
+    "of": "simulated = these studies; ceiling = drawn with the paper's own numbers",
     "comparisons": "how many differences are looked at together",
     "studies": "how many studies",
     "signs": "share of the studies in which all have the paper's sign",
@@ -52,10 +57,20 @@ _JOINT: Mapping[str, str] = {
     "mean_signs": "how many have the paper's sign, on average",
     "mean_significant": "how many are significant in its direction, on average",
 }
+_CEILING: Mapping[str, str] = {
+    "measure": "what is compared",
+    "kind": "of pickups alone, or of all tasks",
+    "values": "how many values the paper's degrees of freedom give, all conditions together",
+    "df_error": "the paper's error degrees of freedom",
+    "f_reported": "the F that the paper reports; blank = none",
+    "f_implied": "the F that its means, SDs and numbers of values imply",
+    "absorbed": "share of the variance within conditions that its model must have taken up; blank = no F reported",
+}
 TABLES: Mapping[str, Mapping[str, str]] = {
     "comparisons.csv": _SHARE,
     "means.csv": _MEANS,
     "joint.csv": _JOINT,
+    "implied_f.csv": _CEILING,
     "lengths.csv": long_tasks.COLUMNS,
     "varied.csv": {"varied": "what was changed", **_SHARE},
 }
@@ -66,7 +81,10 @@ def write(result: Replication, out_dir: Path) -> None:
     rows: dict[str, Sequence[Sequence[Any]]] = {
         "comparisons.csv": [_share_row(item) for item in result.shares],
         "means.csv": [_means_row(item) for item in result.means],
-        "joint.csv": [_cells(astuple(result.joint))],
+        "joint.csv": [
+            [name, *_cells(astuple(of))] for name, of in (("simulated", result.joint), ("ceiling", ceiling().joint))
+        ],
+        "implied_f.csv": _implied_rows(ceiling()),
         "lengths.csv": [_by_name(item, long_tasks.COLUMNS) for item in result.lengths],
         "varied.csv": [[variation.name, *_share_row(item)] for variation, of in result.varied for item in of],
     }
@@ -81,19 +99,30 @@ def write(result: Replication, out_dir: Path) -> None:
 
 
 def _share_row(item: Share) -> list[Any]:
-    claim = item.claim
+    claim, bound = item.claim, ceiling().rows[item.claim]
     numbers = (claim.paper_difference, item.mean, *item.interval, item.same_sign, item.significant, item.opposite)
     return [
         *(claim.measure, claim.kind, claim.first, claim.second, claim.verdict),
         *_cells(numbers),
         *(_cells((claim.margin, item.within, item.equivalent)) if claim.margin else ("", "", "")),
-        int(item.met),
+        *_cells((bound.same_sign, bound.significant, bound.aim)),
+        int(bound.met_by(item)),
     ]
 
 
 def _means_row(item: Means) -> list[Any]:
     numbers = (item.paper_mean, item.paper_sd, item.mean, *item.interval, item.sd)
     return [item.measure, item.kind, item.condition, *_cells(numbers), int(item.within_sd)]
+
+
+def _implied_rows(of: Ceiling) -> list[list[Any]]:
+    return [
+        [
+            *(item.tested.measure, item.tested.kind, sum(numbers_of(item.tested)), item.tested.df_error),
+            *("" if value is None else _cell(value) for value in (item.tested.f, item.f, item.absorbed)),
+        ]
+        for item in of.implied
+    ]
 
 
 def _by_name(row: Any, names: Mapping[str, str]) -> list[Any]:
