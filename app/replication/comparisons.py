@@ -16,6 +16,7 @@ from study.analysis.linear_model import Anova, slope
 
 ALPHA = 0.05
 SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80
+"""As in `rule.toml`."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,11 @@ class Means:
     mean: float
     interval: tuple[float, float]
     sd: float
+
+    @property
+    def off(self) -> float:
+        """How far ours is from the paper's mean, as a share of it."""
+        return self.mean / self.paper_mean - 1.0
 
     @property
     def within_sd(self) -> bool:

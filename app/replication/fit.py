@@ -23,6 +23,7 @@ import numpy as np
 
 from app.errors import LabError
 from app.replication.paper import TELEOPERATION, reported
+from app.replication.rule import hash_line, rule
 from app.simulated.participant import simulate_trial
 from app.simulated.progress import progress
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs
@@ -227,11 +228,12 @@ def report(item: Fit) -> str:
     """One fit as plain text."""
     lines = [f"{item.variant}: misfit {item.misfit:.1f} after {item.evaluations} evaluations"]
     lines += [f"  {name:<18} {value:.4g}" for name, value in item.values.items()]
-    lines.append(f"  {'anchor':<36} {'paper':>8} {'ours':>8}")
-    lines += [
-        f"  {anchor.measure + ' (' + anchor.kind + ')':<36} {anchor.value:>8.4g} {value:>8.4g}"
-        for anchor, value in item.anchors
-    ]
+    lines.append(f"  {'anchor':<36} {'paper':>8} {'ours':>8} {'off':>6}")
+    for anchor, value in item.anchors:
+        off = value / anchor.value - 1.0
+        missed = "  MISSED" if abs(off) > rule().anchor_tolerance else ""
+        name = f"{anchor.measure} ({anchor.kind})"
+        lines.append(f"  {name:<36} {anchor.value:>8.4g} {value:>8.4g} {off:>+6.0%}{missed}")
     lines.append(f"  windows with entropy above 0.7 (not fitted): {item.uncertain_windows} of {item.windows}")
     return "\n".join(lines)
 
@@ -246,6 +248,7 @@ def as_json(fits: list[Fit], participants: int, seed: int) -> str:
         "found": {
             "by": f"salab fit --participants {participants} --seed {seed}",
             "on": "what the paper reports for pure teleoperation, nothing else",
+            "rule": rule().sha256,
             "variants": {
                 item.variant: {
                     "misfit": round(item.misfit, 2),
@@ -274,4 +277,4 @@ def run(variants: tuple[str, ...], participants: int, seed: int, workers: int, o
             fits.append(fit(variant, participants, seed, workers, say=bar.update))
     if out is not None:
         out.write_text(as_json(fits, participants, seed), encoding="utf-8")
-    return "\n\n".join(report(item) for item in fits)
+    return "\n\n".join([hash_line(), *(report(item) for item in fits)])

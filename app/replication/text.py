@@ -10,8 +10,10 @@ from app.replication.ceiling import IMPLIED_LEGEND, ceiling, implied_table
 from app.replication.ceiling import LEGEND as CEILING_LEGEND
 from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Share
 from app.replication.formats import CONDITION_NAMES, MEASURE_NAMES, code, columns, name_of, number, percent
-from app.replication.paper import CIRCULAR, UNCERTAIN_WINDOWS, Claim
+from app.replication.paper import CIRCULAR, TELEOPERATION, UNCERTAIN_WINDOWS, Claim
 from app.replication.replicate import Replication, Variation, calibrated_alpha
+from app.replication.rule import fitted_sentence, hash_line, rule, seed_sentence
+from app.replication.rule import table as open_values
 from app.simulated.study import setup_of
 from app.simulated.traits import TRAITS
 from app.simulated.variants import fitted
@@ -59,7 +61,8 @@ in {_SIGNIFICANT} of studies, or as often as the ceiling if that is lower; where
 def on_screen(result: Replication) -> str:
     """What the command prints."""
     lengths = f"{long_tasks.table(result.lengths)}\n\n{long_tasks.sentence(result.lengths)}"
-    return f"{table(result)}\n\n{LEGEND}\n\n{joint_sentence(result)}\n\nWithout time limits:\n{lengths}"
+    header = f"{hash_line()}\n{seed_sentence(result.plan.seed)}"
+    return f"{header}\n\n{table(result)}\n\n{LEGEND}\n\n{joint_sentence(result)}\n\nWithout time limits:\n{lengths}"
 
 
 def report(result: Replication) -> str:
@@ -74,14 +77,16 @@ def report(result: Replication) -> str:
         f"{study.arbiter.step_m:g} m, rationality {study.arbiter.rationality_per_m:g} per metre, stickiness "
         f"{study.arbiter.stickiness:g}, alpha {calibrated_alpha(setup):.4g} (calibrated). Robot speed "
         f"{study.robot.speed_m_s:g} m/s. Readings: {study.distractor.placement}.",
-        "The simulated people and the numbers the paper leaves open were calibrated on its pure teleoperation alone. "
-        "Goal-oriented and balanced are predictions. The kind of transition model, its delay and step were chosen "
-        "beforehand, knowing how an earlier prototype fared: in that respect the predictions are not blind.",
+        f"{hash_line()}. {seed_sentence(result.plan.seed)} {fitted_sentence()}",
+        rule().blind,
         "## Comparisons",
         code(table(result)),
         LEGEND,
         _verdict(result),
         CEILING_LEGEND,
+        "## Pure teleoperation against what it was fitted to",
+        code(_anchors_table(result)),
+        f"The aim is {rule().anchor_tolerance:.0%}. Of the three conditions only this one was looked at for the fit.",
         "## All at once",
         joint_sentence(result),
         "## The paper's F against its means and SDs",
@@ -101,6 +106,12 @@ def report(result: Replication) -> str:
         "## What happened",
         code(_counts_table(result)),
         *_varied(result),
+        "## How the open values were chosen",
+        rule().equations,
+        code(open_values(setup)),
+        "\n".join(f"- {item.name}: {item.how}." for item in rule().open),
+        "\n".join(f"{place}. {step}" for place, step in enumerate(rule().procedure, 1)),
+        "A miss is: " + "; ".join(rule().misses) + f". {rule().then}",
         "## Calibration",
         code(_fit_table()),
         "## The model of a participant",
@@ -229,6 +240,22 @@ _CODES = {"belief_gain": "G", "convergence_user_actions": "C", "efficiency_ticks
 def _pair(claim: Claim) -> str:
     letters = {"teleoperation": "T", "goal_oriented": "O", "balanced": "B"}
     return f"{letters[claim.first]}-{letters[claim.second]}"
+
+
+def _anchors_table(result: Replication) -> str:
+    rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", "ours", "off", "aim")]
+    for item in result.means:
+        if item.condition == TELEOPERATION and item.measure not in CIRCULAR:
+            rows.append(
+                (
+                    f"{MEASURE_NAMES[item.measure]} {item.kind}",
+                    number(item.paper_mean, item.measure),
+                    number(item.mean, item.measure),
+                    "" if item.mean != item.mean else f"{item.off:+.0%}",
+                    "met" if abs(item.off) <= rule().anchor_tolerance else "MISSED",
+                )
+            )
+    return columns(rows)
 
 
 def _means_table(result: Replication) -> str:

@@ -28,6 +28,7 @@ from app.replication.long_tasks import (
 )
 from app.replication.paper import CIRCULAR, CLAIMS, DIFFERENCES, REPORTED, Claim, reported
 from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
+from app.replication.rule import rule
 from app.replication.spreadsheets import TABLES, write
 from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
 from app.replication.text import report, table
@@ -273,7 +274,7 @@ def test_the_report_holds_every_comparison_and_parameter(result: Replication) ->
         assert f"{item.claim.kind}: " in text
     for trait in TRAITS:
         assert trait in text
-    for word in ("alpha / 3", "circular", "margin", "seed 1", "Calibration", "not blind"):
+    for word in ("alpha / 3", "circular", "margin", "seed 1", "Calibration", "not blind", rule().sha256):
         assert word in text
     assert "nan" not in text.lower().replace("finance", "")
     assert len(table(result).splitlines()) == 1 + len(CLAIMS)
@@ -307,7 +308,9 @@ def test_tables_are_written(result: Replication, tmp_path: Path) -> None:
 def test_the_whole_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["replicate", "--studies", "1", "--participants", "2", "--vary", "0", "--out", str(out)]) == 0
-    assert "gain pickup: balanced - goal" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "gain pickup: balanced - goal" in printed
+    assert rule().sha256 in printed
     assert "1 simulated studies of 2 participants" in (out / "replication.md").read_text(encoding="utf-8")
     assert json.loads((out / "studies" / "settings.json").read_text())["participants"] == 2
 
