@@ -35,8 +35,10 @@ STANDOFF_M = 0.012
 """So far short of the grasp point people stop: at it the palm would touch."""
 DEEP_M = 0.065
 """Nearer to the object's depth than this, sideways motion would knock things over: back out first."""
-AISLE_X_M = 0.665
-"""Where things are carried sideways: in front of everything on the table."""
+AISLE_X_M = 0.67
+"""Where things are carried sideways, in front of everything on the table, unless the layout says otherwise."""
+AISLE_SHORT_M = 0.005
+"""People keep so much off it, towards themselves."""
 AISLE_TOLERANCE_M = 0.03
 CROSSED_M = 0.15
 ASIDE_M = 0.25
@@ -77,12 +79,16 @@ class _Leg:
 
 
 class Driver:
-    """One person at the controls of one trial or practice. `step_m` is how far the arm goes in a tick."""
+    """One person at the controls of one trial or practice.
 
-    def __init__(self, traits: Traits, rng: np.random.Generator, step_m: float) -> None:
+    `step_m` is how far the arm goes in a tick, `aisle_x_m` where the layout has things carried sideways.
+    """
+
+    def __init__(self, traits: Traits, rng: np.random.Generator, step_m: float, aisle_x_m: float = AISLE_X_M) -> None:
         self._traits = traits
         self._rng = rng
         self._step_m = step_m
+        self._aisle_x_m = round(aisle_x_m - AISLE_SHORT_M, 6)
         self._movement: _Movement | None = None
         self._still_ticks = 0
         self._checks_left: int | None = None
@@ -291,13 +297,13 @@ class Driver:
             return _Leg((x_m, y_m, lifted_m), (2,), LIFT_MARGIN_M, "open")
         aside_m = here_m[1] * (1.0 if y_m > 0.0 else -1.0)
         far = abs(here_m[1] - y_m) > BIN_TOLERANCE_M
-        among = here_m[0] > AISLE_X_M + AISLE_TOLERANCE_M
-        cornered = here_m[0] < AISLE_X_M - AISLE_TOLERANCE_M and aside_m < CROSSED_M
+        among = here_m[0] > self._aisle_x_m + AISLE_TOLERANCE_M
+        cornered = here_m[0] < self._aisle_x_m - AISLE_TOLERANCE_M and aside_m < CROSSED_M
         if far and (among or cornered):
             # Out from among the others, or from in front of the robot's chest, where the arm cannot cross.
-            return _Leg((AISLE_X_M, y_m, lifted_m), (0,), CARRY_TOLERANCE_M, "open")
+            return _Leg((self._aisle_x_m, y_m, lifted_m), (0,), CARRY_TOLERANCE_M, "open")
         if far and aside_m < ASIDE_M:
-            return _Leg((AISLE_X_M, y_m, lifted_m), (1,), BIN_TOLERANCE_M, "open")
+            return _Leg((self._aisle_x_m, y_m, lifted_m), (1,), BIN_TOLERANCE_M, "open")
         return _Leg((x_m, y_m, lifted_m), (0, 1), BIN_TOLERANCE_M, "open", careful=True)
 
 

@@ -282,6 +282,7 @@ class _Sitting:
             run.traits,
             stream(run.case.seed, self.kind, trial),
             self.trial_setup.timing.speed_m_s * TICK_S,
+            setup.layout.aisle_x_m,
         )
         self.distractor = (
             of_practice(setup.distractor, setup.study) if self.kind == "practice" else DistractorState(setup.distractor)

@@ -29,6 +29,8 @@ from study.text_file import read_text
 HERE = Path(__file__).parent
 PRACTICE_OBJECT = "practice_block"
 PRACTICE_AHEAD_M, PRACTICE_ASIDE_M = (0.82, 0.0), (0.80, 0.20)
+PRACTICE_EDGE_M = 0.05
+"""What anything's middle keeps from the table's edge: where a table begins farther out, so does practice."""
 MOST_MESH_BYTES = 1_000_000
 STEEL = "#969ea6"
 FRICTION = 0.65
@@ -213,7 +215,12 @@ class LayoutInUse:
     @property
     def practice_place_m(self) -> tuple[float, float]:
         """Where the practice object stands, x and y."""
-        return self.layout.practice_place_m or (PRACTICE_ASIDE_M if self.practised_aside else PRACTICE_AHEAD_M)
+        if self.layout.practice_place_m is not None:
+            return self.layout.practice_place_m
+        x_m, y_m = PRACTICE_ASIDE_M if self.practised_aside else PRACTICE_AHEAD_M
+        front_m = self.layout.table.center_m[0] - self.layout.table.size_m[0] / 2.0
+        least_m = front_m + PRACTICE_EDGE_M
+        return (x_m if x_m >= least_m - 1e-9 else round(least_m + 0.001, 6)), y_m
 
 
 WorldCheck = Callable[[LayoutInUse], Iterable[Problem]]

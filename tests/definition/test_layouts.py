@@ -197,7 +197,7 @@ def test_each_mistake_is_told_with_its_line(tmp_path: Path, old: str, new: str, 
         (
             'layout = "kitchen" ',
             'layout = "kitchn" ',
-            'layout = "kitchn": not known; layouts: arc, rows, or your own',
+            'layout = "kitchn": not known; layouts: arc, crescent, rows, or your own',
         ),
         ('"tea", "detergent"]', '"tea", "detergent", "soap"]', 'objects[9] = "soap": not known'),
         ("pickups_per_trial = 3", "pickups_per_trial = 9", "must be at most 8, the number of objects"),
@@ -259,7 +259,7 @@ def test_meshes_that_nobody_draws_are_told(tmp_path: Path) -> None:
 
 
 def test_the_shipped_objects_and_layouts_are_files_of_the_same_kind() -> None:
-    assert list(shipped_layouts()) == ["arc", "rows"]
+    assert list(shipped_layouts()) == ["arc", "crescent", "rows"]
     assert list(shipped_objects()) == list(open_study(None).objects)
     assert shipped_layouts()["rows"].bins[0].release_xyz_m == shipped_layouts()["arc"].bins[0].release_xyz_m
 

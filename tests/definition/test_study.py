@@ -140,7 +140,7 @@ def test_a_study_goes_to_a_worker_unchanged(study: Study) -> None:
         ("first_s = 10.0", "first_s = nan", "distractor.first_s = nan", "at least 0.0"),
         ("enabled = true", "enabled = 1", "distractor.enabled = 1", "must be true or false"),
         ('transition = "mix"', 'transition = "mx"', 'arbiter.transition = "mx"', "did you mean 'mix'? allowed: mix, "),
-        ('layout = "arc"', 'layout = "arch"', 'layout = "arch"', "did you mean 'arc'? layouts: arc, rows"),
+        ('layout = "arc"', 'layout = "arch"', 'layout = "arch"', "did you mean 'arc'? layouts: arc, crescent, rows"),
         ('"right_bin"]', '"righ_bin"]', 'bins[2] = "righ_bin"', "did you mean 'right_bin'? bins: left_bin, right_bin"),
         ('"right_bin"]', '"left_bin"]', 'bins[2] = "left_bin"', "repeats entry 1"),
         ('["sus_modified",', '["sus",', 'surveys[1] = "sus"', "surveys: sus_modified, tlx_raw"),

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim import fetch, layouts, objects
+from app.autonomy.actions import DIRECTIONS
+from sim import fetch, ik, layouts, objects, straight_ways
 from sim.interface import SimError, Table, Vector3
 from sim.layouts import Layout
 from tests.support.robot_cases import reachable
@@ -69,6 +70,40 @@ def test_free_way_by_the_aisle(layout: Layout) -> None:
             assert follow((layout.aisle_x_m, y, above_m), along, item.release_world_m)
 
 
+def test_no_straight_way_in_the_crescent_ends_where_the_arm_cannot_fold_further() -> None:
+    """From start and grasps to releases and to all between them, and back. In `arc` some do."""
+    assert straight_ways.lost_ways(LAYOUTS["crescent"]) == ()
+    assert {reason for *_, reason in straight_ways.lost_ways(LAYOUTS["arc"])} == {
+        "the arm cannot fold further",
+        "the wrist is at its limit",
+    }
+
+
+def test_between_start_places_and_bins_of_the_crescent_nothing_folds_before_it_is_past_the_goals() -> None:
+    """Nor within a tick of the fitted arm (13.4 mm) behind the bins, or above what is carried."""
+    a_tick_m = 0.0134
+    assert len(straight_ways.folded_points(LAYOUTS["crescent"], spare_m=a_tick_m)) == 0
+    assert len(straight_ways.folded_points(LAYOUTS["arc"])) > 0
+
+
+@pytest.mark.parametrize("direction", [each for each in DIRECTIONS if any(each)], ids=str)
+def test_straight_on_in_the_crescent_until_past_all_goals(direction: tuple[int, int, int]) -> None:
+    """Millimetre by millimetre, from everywhere between start, grasps and releases, as long as every coordinate that
+    changes still has a goal ahead."""
+    layout = LAYOUTS["crescent"]
+    bases = np.array([*straight_ways.carried_from(layout), *straight_ways.carried_to(layout)])
+    rng = np.random.default_rng(11)
+    shares = rng.dirichlet(np.full(len(bases), 0.1), size=40)
+    along = np.array(direction) / math.sqrt(sum(map(abs, direction)))
+    goals = bases[1:]
+    ahead_m = np.where(along > 0, goals.max(axis=0), goals.min(axis=0))
+    for here in (*bases, *(shares @ bases)):
+        lengths = [(ahead_m[axis] - here[axis]) / along[axis] for axis in range(3) if along[axis]]
+        way_m = here + np.arange(0.0, max(min(lengths), 0.0), 0.001)[:, None] * along
+        codes = ik.solve_many(way_m)[1] if len(way_m) else np.zeros(0)
+        assert not np.isin(codes, straight_ways.FOLDED).any(), (here, direction)
+
+
 @EVERY
 def test_neighbours_leave_room_for_an_open_gripper(layout: Layout) -> None:
     open_half_m = fetch.FINGER_TRAVEL_M + fetch.FINGER_SIZE_M[1]
@@ -115,7 +150,7 @@ def test_ids_and_labels_are_those_of_the_study() -> None:
     for layout in LAYOUTS.values():
         assert [(item.id, item.label) for item in layout.bins] == [("left_bin", "left bin"), ("right_bin", "right bin")]
         assert layout.bins[0].center_xy_m[1] > 0.0 > layout.bins[1].center_xy_m[1]  # left as the robot sees it
-    assert list(LAYOUTS) == ["arc", "rows"]
+    assert list(LAYOUTS) == ["arc", "crescent", "rows"]
 
 
 def test_scene_stands_objects_on_their_places_in_place_order() -> None:
