@@ -52,6 +52,7 @@ class SimulatedPerson:
 
     def __init__(self, study: Study, traits: Traits, felt: Experience, rng: np.random.Generator) -> None:
         self._rng = rng
+        self._device = traits.device
         self._right = {question.id: question.correct for question in study.instructions.questions}
         self._turned = {(form.id, item.id) for form in study.instruments for item in form.items if item.reversed}
         extra = felt.minutes - USUAL_MINUTES
@@ -63,7 +64,9 @@ class SimulatedPerson:
         """There is none: nobody looks at a simulated screen."""
 
     def controls(self) -> Mapping[str, Any]:
-        """A gamepad of our making."""
+        """What is in this person's hands."""
+        if self._device == "keyboard":
+            return {"device": "keyboard", "sound": True}
         return {"device": "gamepad", "pad_id": "simulated", "sound": True}
 
     def about(self, item: Content) -> Any:

@@ -11,6 +11,9 @@ they have come far enough, or stops to look. Between movements the hands are sti
 - Near the target one goes in taps of one tick with a look after each (`fine_m`, `fine_pause`).
 - A look ends at once when the arm, by itself, moves away from where it is wanted.
 - Before the gripper is used one looks again a few times (`checks`).
+- Each task finds a person in another state (`app.simulated.task_state`): practised, tired, in a mood, mixed up, wrong
+  about depth. On arriving one may not like what one sees, back out and come again (`second_try`). A carried object is
+  lifted more than it must be (`lift_m`); now and then a finger finds a gripper button (`wrong_button`).
 - A reading takes the hands away (`errand`): reaction, time away, and a moment before going on.
 
 The driver knows nothing of the condition. Whatever the robot did meanwhile, it looks and goes on from there.
@@ -20,13 +23,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from app.autonomy.actions import Direction
 from app.simulated.pilot import APPROACH_M, CLEARANCE_M, PRACTICE_OFFSET_M, STUCK_M, Point, Sight
+from app.simulated.task_state import Course, TaskState
 from app.simulated.traits import Traits
 from app.trial.values import NO_INPUT, UserInput
 from sim.interface import TICK_S
@@ -35,6 +39,8 @@ STANDOFF_M = 0.012
 """So far short of the grasp point people stop: at it the palm would touch."""
 DEEP_M = 0.065
 """Nearer to the object's depth than this, sideways motion would knock things over: back out first."""
+DEEP_SPARE_M = 0.01
+"""Nobody takes the place from which one lines up, give or take its tolerance, for too deep."""
 AISLE_X_M = 0.67
 """Where things are carried sideways, in front of everything on the table, unless the layout says otherwise."""
 AISLE_SHORT_M = 0.005
@@ -71,7 +77,7 @@ class _Leg:
     target_m: Point
     axes: tuple[int, ...]
     tolerance_m: float
-    then: Literal["next", "close", "open"]
+    then: Literal["next", "again", "close", "open"]
     careful: bool = False
     """Whether the end is approached in taps."""
     moving_in: bool = False
@@ -81,11 +87,30 @@ class _Leg:
 class Driver:
     """One person at the controls of one trial or practice.
 
-    `step_m` is how far the arm goes in a tick, `aisle_x_m` where the layout has things carried sideways.
+    `step_m` is how far the arm goes in a tick, `aisle_x_m` where the layout has things carried sideways, `tasks_before`
+    how many tasks this person has done in the study.
     """
 
-    def __init__(self, traits: Traits, rng: np.random.Generator, step_m: float, aisle_x_m: float = AISLE_X_M) -> None:
+    def __init__(
+        self,
+        traits: Traits,
+        rng: np.random.Generator,
+        step_m: float,
+        aisle_x_m: float = AISLE_X_M,
+        tasks_before: int = 0,
+    ) -> None:
+        self._course = Course(traits, rng, tasks_before)
+        self._buttons, self._tries = rng.spawn(2)
+        self._state: TaskState | None = None
         self._traits = traits
+        """As they are in the task at hand."""
+        self._tick = 0
+        self._carrying = False
+        self._depth_error_m = 0.0
+        self._highest = False
+        self._mixed_up = 0
+        self._back_m: Point | None = None
+        """Where one goes back to, to come again."""
         self._rng = rng
         self._step_m = step_m
         self._aisle_x_m = round(aisle_x_m - AISLE_SHORT_M, 6)
@@ -116,6 +141,8 @@ class Driver:
 
     def act(self, object_id: str, sight: Sight) -> UserInput:
         """The input of the next tick."""
+        self._turn_to(object_id, sight)
+        sight = self._seen(sight)
         self._notice(sight)
         drifts = self._drifts(object_id, sight)
         if self._away_ticks:
@@ -135,11 +162,30 @@ class Driver:
             return self._stop(self._movement)
         return self._decide(object_id, sight, drifts)
 
+    def _turn_to(self, object_id: str, sight: Sight) -> None:
+        """Take up the task at hand, if it is another than before."""
+        self._carrying = sight.held == object_id
+        state = self._course.state(object_id, self._carrying, self._tick)
+        self._tick += 1
+        if state is not self._state:
+            self._state, self._traits, self._mixed_up = state, state.traits, state.mixed_up
+            self._depth_error_m, self._highest = state.depth_error_m, False
+
+    def _seen(self, sight: Sight) -> Sight:
+        """What one who is mixed up takes the aim to be: the same on the other side."""
+        if not self._mixed_up:
+            return sight
+        if sight.held is None:
+            return replace(sight, object_m=_other_side(sight.object_m))
+        return sight if sight.release_m is None else replace(sight, release_m=_other_side(sight.release_m))
+
     def _notice(self, sight: Sight) -> None:
         """Whether the last press moved anything."""
         if self._last_m is not None and math.dist(self._last_m, sight.position_m) < STUCK_M:
             self._stuck += 1
             if self._stuck >= 2 and self._movement is not None:
+                self._back_m = None
+                self._highest = self._traits.lift_m > 0.0 and self._carrying  # too high for the arm: no higher
                 self._barred, self._movement, self._stuck = self._movement.direction, None, 0
         else:
             self._stuck = 0
@@ -153,10 +199,12 @@ class Driver:
         return before_m is not None and left_m > before_m + STUCK_M
 
     def _forget(self) -> None:
-        self._movement, self._checks_left, self._still_ticks = None, None, 0
+        self._movement, self._checks_left, self._still_ticks, self._back_m = None, None, 0, None
 
     def _press(self, movement: _Movement, position_m: Point) -> UserInput:
         movement.ticks += 1
+        if self._mixed_up and (movement.direction[1] or not self._carrying):
+            self._mixed_up -= 1  # while it is lifted and pulled out nobody goes to a wrong side
         self._last_m = position_m
         return UserInput(direction=movement.direction)
 
@@ -186,9 +234,18 @@ class Driver:
         if leg.then == "next":
             self._carry_leg += 1
             return self._decide(object_id, sight, drifts)
+        if leg.then == "again":
+            self._back_m = None
+            return self._decide(object_id, sight, drifts)
+        if self._mixed_up:
+            self._mixed_up = 0  # on the spot at the latest one sees that it is the wrong one
+            return NO_INPUT
         if drifts:
             self._checks_left = 0  # now or never
         elif self._checks_left is None:
+            if self._tries.random() < self._traits.second_try:
+                self._back_m = self._withdrawn(sight)
+                return self._decide(object_id, sight, drifts)
             self._checks_left = int(self._rng.poisson(self._traits.checks))
         if self._checks_left > 0:
             self._checks_left -= 1
@@ -198,6 +255,8 @@ class Driver:
         return UserInput(gripper=leg.then)
 
     def _begin(self, position_m: Point, leg: _Leg, open_axes: tuple[int, ...]) -> UserInput:
+        if self._buttons.random() < self._traits.wrong_button:
+            return UserInput(gripper="open" if self._buttons.random() < 0.5 else "close")
         ways_m = tuple(leg.target_m[axis] - position_m[axis] for axis in _AXES)
         direction, wrong = self._choose(ways_m, open_axes)
         farthest_m = max(abs(ways_m[axis]) for axis in open_axes)
@@ -260,7 +319,16 @@ class Driver:
         reach_m = max(leg.tolerance_m, 0.55 * self._step_m)
         return tuple(axis for axis in leg.axes if abs(leg.target_m[axis] - position_m[axis]) > reach_m)
 
+    def _withdrawn(self, sight: Sight) -> Point:
+        """So far back, the way one came, as lining up is from the object: towards oneself, or from over the bin."""
+        x_m, y_m, z_m = sight.position_m
+        if not self._carrying or sight.release_m is None:
+            return x_m - APPROACH_M, y_m, z_m
+        return x_m, y_m - math.copysign(APPROACH_M, y_m), z_m
+
     def _leg(self, object_id: str, sight: Sight) -> _Leg:
+        if self._back_m is not None:
+            return _Leg(self._back_m, _AXES, CARRY_TOLERANCE_M, "again")
         if sight.held == object_id:
             return self._carry(sight)
         self._carry_leg = 0
@@ -278,7 +346,7 @@ class Driver:
             axes: tuple[int, ...] = () if between else (0,)
             return _Leg(target_m, axes, self._traits.tolerance_m, "close", careful=True, moving_in=True)
         line_up_x_m = x_m - APPROACH_M
-        if here_m[0] > x_m - DEEP_M and abs(here_m[1] - y_m) > 2.0 * exact_m:
+        if here_m[0] > x_m - DEEP_M + max(self._depth_error_m, -DEEP_SPARE_M) and abs(here_m[1] - y_m) > 2.0 * exact_m:
             return _Leg((line_up_x_m, y_m, z_m), (0,), CARRY_TOLERANCE_M, "close")
         axes = (0, 1, 2) if here_m[0] < line_up_x_m else (1, 2)
         return _Leg((line_up_x_m, y_m, z_m), axes, self._traits.tolerance_m, "close", careful=True)
@@ -293,18 +361,26 @@ class Driver:
             return (up, aside, down)[min(self._carry_leg, 2)]
         x_m, y_m, z_m = sight.release_m
         lifted_m = max(z_m, rest_z_m + CLEARANCE_M)
-        if not -LIFT_MARGIN_M <= here_m[2] - lifted_m <= TOO_HIGH_M:
-            return _Leg((x_m, y_m, lifted_m), (2,), LIFT_MARGIN_M, "open")
+        aisle_x_m = self._aisle_x_m + self._depth_error_m
         aside_m = here_m[1] * (1.0 if y_m > 0.0 else -1.0)
         far = abs(here_m[1] - y_m) > BIN_TOLERANCE_M
-        among = here_m[0] > self._aisle_x_m + AISLE_TOLERANCE_M
-        cornered = here_m[0] < self._aisle_x_m - AISLE_TOLERANCE_M and aside_m < CROSSED_M
+        among = here_m[0] > aisle_x_m + AISLE_TOLERANCE_M
+        if far and among and not self._highest:
+            lifted_m = max(lifted_m, rest_z_m + CLEARANCE_M + self._traits.lift_m)
+        if not -LIFT_MARGIN_M <= here_m[2] - lifted_m <= (LIFT_MARGIN_M if self._highest else TOO_HIGH_M):
+            return _Leg((x_m, y_m, lifted_m), (2,), LIFT_MARGIN_M, "open")
+        cornered = here_m[0] < aisle_x_m - AISLE_TOLERANCE_M and aside_m < CROSSED_M
         if far and (among or cornered):
             # Out from among the others, or from in front of the robot's chest, where the arm cannot cross.
-            return _Leg((self._aisle_x_m, y_m, lifted_m), (0,), CARRY_TOLERANCE_M, "open")
+            return _Leg((aisle_x_m, y_m, lifted_m), (0,), CARRY_TOLERANCE_M, "open")
         if far and aside_m < ASIDE_M:
-            return _Leg((self._aisle_x_m, y_m, lifted_m), (1,), BIN_TOLERANCE_M, "open")
+            return _Leg((aisle_x_m, y_m, lifted_m), (1,), BIN_TOLERANCE_M, "open")
         return _Leg((x_m, y_m, lifted_m), (0, 1), BIN_TOLERANCE_M, "open", careful=True)
+
+
+def _other_side(place_m: Point) -> Point:
+    """What lies over there in the mirror."""
+    return place_m[0], -place_m[1], place_m[2]
 
 
 def _along(ways_m: tuple[float, ...], axes: tuple[int, ...]) -> Direction:

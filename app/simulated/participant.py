@@ -19,6 +19,7 @@ from app.errors import LabError
 from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.driver import Driver, ticks_of
 from app.simulated.pilot import Sight
+from app.simulated.task_state import tasks_before
 from app.simulated.traits import Population, Traits, draw_traits, stream
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup
@@ -94,6 +95,13 @@ def simulate_trials(case: Case, make_robot: Callable[[], Robot]) -> Record:
     return run.rows
 
 
+def person_of(case: Case) -> Traits:
+    """Who takes part. A study that is done with a gamepad has nobody at a keyboard."""
+    traits = draw_traits(case.population, stream(case.seed, "traits"))
+    required = case.setup.study.eligibility.gamepad == "required"
+    return replace(traits, device="gamepad") if required else traits
+
+
 class _Run:
     """The session as it goes. `now_s` counts up from the participant's day."""
 
@@ -101,7 +109,7 @@ class _Run:
         study = case.setup.study
         self.case = case
         self.make_robot = make_robot
-        self.traits: Traits = draw_traits(case.population, stream(case.seed, "traits"))
+        self.traits = person_of(case)
         self.plan: SessionPlan = plan_session(study, case.order, case.seed)
         self.session: Session = case.flow.new_session(case.participant, len(study.conditions), case.flow.skips(study))
         self.rows: Record = {name: [] for name in TABLES}
@@ -283,6 +291,7 @@ class _Sitting:
             stream(run.case.seed, self.kind, trial),
             self.trial_setup.timing.speed_m_s * TICK_S,
             setup.layout.aisle_x_m,
+            tasks_before(run.case.setup.study.tasks_per_trial, trial, self.kind == "practice"),
         )
         self.distractor = (
             of_practice(setup.distractor, setup.study) if self.kind == "practice" else DistractorState(setup.distractor)

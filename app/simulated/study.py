@@ -28,7 +28,7 @@ from app.errors import LabError
 from app.simulated.participant import Case, Record, simulate_participant
 from app.simulated.progress import progress
 from app.simulated.traits import Population
-from app.simulated.variants import changed_study, fitted_population, preset_changes
+from app.simulated.variants import changed_study, population_of, preset_changes
 from app.trial.robots import ROBOTS, make_robot, robot_facts
 from app.trial.setup import StudySetup, study_setup
 from app.trial.world import open_study, parse_text
@@ -103,7 +103,7 @@ def make_plan(
     trust: bool = False,
     flow: Flow = FLOW,
 ) -> Plan:
-    """The study, with a preset's numbers if named, and the fitted population. Raises `LabError`, `StudyFileError`, and
+    """The study, with a preset's numbers if named, and its people. Raises `LabError`, `StudyFileError`, and
     `PartError` for a part that cannot be used."""
     ROBOTS.place_of(robot)  # says which there are
     if not 0 <= seed <= MAX_SEED:
@@ -111,7 +111,7 @@ def make_plan(
     changes = preset_changes(preset, layout=study_file is None)
     study: Study = changed_study(open_study(study_file, trust), changes, trust)
     setup_of(study.source_text, trust)  # what cannot be used is told before any work
-    return Plan(study.source_text, seed, robot, fitted_population(), flow, trust)
+    return Plan(study.source_text, seed, robot, population_of(preset), flow, trust)
 
 
 def participant_seed(seed: int, index: int) -> int:

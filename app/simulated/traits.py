@@ -13,6 +13,7 @@ more reading shifts nothing else.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -23,6 +24,7 @@ import numpy as np
 from app.errors import LabError
 
 Purpose = Literal["traits", "practice", "trial", "alerts", "survey", "forms", "page"]
+Device = Literal["gamepad", "keyboard"]
 _PURPOSES: tuple[Purpose, ...] = ("traits", "practice", "trial", "alerts", "survey", "forms", "page")
 _NO_TRIAL = 0
 """First key of every stream here. The plan of a session uses the trial's number, from 1, in that place."""
@@ -39,6 +41,11 @@ class Spread:
     high: float
     fitted: bool
     about: str
+    source: str = "assumed"
+    """Where the mean, or the form, is from: a publication, the paper (its section), or "assumed". A fitted mean is from
+    the paper's pure teleoperation whatever stands here."""
+    off: float | None = None
+    """The value at which the trait does nothing; None for one that cannot be switched off."""
 
 
 TRAITS: Mapping[str, Spread] = MappingProxyType(
@@ -64,14 +71,72 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
         "return_s": Spread(1.0, 0.3, 0.0, 4.0, False, "from being back until the first movement, seconds"),
         "typing_error": Spread(0.03, 0.6, 0.0, 0.5, False, "chance that an answer is wrong: a reading, in one digit"),
         "miss": Spread(0.005, 0.6, 0.0, 0.5, False, "chance that a reading is not answered at all"),
+        # ---- from task to task (`task_state`)
+        "learning": Spread(
+            *(0.15, 0.5, 0.0, 1.0, False),
+            "pauses, looks, checks and errors in the n-th task go with n to the power of minus this",
+            "form: Newell & Rosenbloom (1981), the power law of practice; the exponent is assumed",
+            off=0.0,
+        ),
+        "fatigue": Spread(
+            *(0.10, 0.5, 0.0, 1.0, False),
+            "growth of the same in ten minutes of a trial, as a share; a break undoes it",
+            off=0.0,
+        ),
+        "mood": Spread(
+            *(0.40, 0.2, 0.0, 1.5, True),
+            "sd over one person's tasks of the logarithm of pauses, looks and checks",
+            "assumed; within people times vary about as much as between them (Salthouse & Berish 2005)",
+            off=0.0,
+        ),
+        "mix_up": Spread(
+            *(0.05, 0.7, 0.0, 1.0, False),
+            "chance that a task begins towards the wrong side; seen after eight presses on average",
+            "assumed; 15 % of people say they tell left from right badly (van der Ham et al. 2020)",
+            off=0.0,
+        ),
+        "second_try": Spread(
+            *(0.30, 0.3, 0.0, 0.9, True),
+            "chance, on arriving, that it does not look right: one backs out and comes again",
+            "assumed; what makes one person's tasks differ as much as the paper's do",
+            off=0.0,
+        ),
+        "wrong_button": Spread(
+            *(0.001, 0.5, 0.0, 0.1, False),
+            "chance, per movement, that a gripper button is pressed instead",
+            "a third of .003, for the wrong one of a group of labelled controls (Swain & Guttmann 1983)",
+            off=0.0,
+        ),
+        "depth_error_m": Spread(
+            *(0.02, 0.3, 0.0, 0.1, False),
+            "sd over tasks of what one is off in judging how deep the arm is among the objects, metres",
+            off=0.0,
+        ),
+        "lift_m": Spread(
+            *(0.07, 0.3, 0.0, 0.12, True),
+            "how much higher than needed a grasped object is lifted before it is pulled out, metres",
+            off=0.0,
+        ),
+        # ---- what is in the hands
+        "keyboard": Spread(
+            *(0.0, 0.0, 0.0, 1.0, False),
+            "share of people who drive with a keyboard; the others have a gamepad",
+            "the paper's participants had a gamepad (IV-A)",
+            off=0.0,
+        ),
     }
 )
 """Every trait that varies over people. Means marked as fitted are where the fit starts; see `fitted.json`."""
 
+OFF: Mapping[str, float] = MappingProxyType(
+    {name: trait.off for name, trait in TRAITS.items() if trait.off is not None}
+)
+"""Means that switch off what can be: people as they were before they learned, tired, and bumped into things."""
+
 
 @dataclass(frozen=True)
 class Traits:
-    """One individual. Meaning and units of each field stand in `TRAITS`; the last three are drawn without a mean."""
+    """One individual. Meaning and units of each field stand in `TRAITS`; the last four are drawn without a mean."""
 
     rationality: float
     habit: float
@@ -90,12 +155,23 @@ class Traits:
     return_s: float
     typing_error: float
     miss: float
+    learning: float
+    fatigue: float
+    mood: float
+    mix_up: float
+    second_try: float
+    wrong_button: float
+    depth_error_m: float
+    lift_m: float
+    keyboard: float
     axis_taste: tuple[float, float, float]
     """Preference for moving along x, y and z first; standard normal."""
     leniency: float
     """How much better than the average person this one rates a system, standard normal."""
     strain: float
     """How much more workload than the average person this one reports, standard normal."""
+    device: Device = "gamepad"
+    """What is in the hands."""
 
 
 @dataclass(frozen=True)
@@ -122,19 +198,29 @@ class Population:
 
 def draw_traits(population: Population, rng: np.random.Generator) -> Traits:
     """One individual of the population."""
-    drawn = {}
-    for name, trait in TRAITS.items():
-        spread = trait.spread * population.spread_scale
-        # The second term keeps the mean of the log-normal where it is said to be.
-        value = population.mean(name) * float(np.exp(spread * rng.standard_normal() - spread * spread / 2.0))
-        drawn[name] = min(max(value, trait.low), trait.high)
+    own = int(rng.spawn(1)[0].integers(2**63))
+    drawn = {name: _drawn(name, population, _stream_of(name, own, rng)) for name in TRAITS}
     x, y, z = (float(value) for value in rng.standard_normal(3))
-    return Traits(
-        **drawn,
-        axis_taste=(x, y, z),
-        leniency=float(rng.standard_normal()),
-        strain=float(rng.standard_normal()),
-    )
+    leniency, strain = float(rng.standard_normal()), float(rng.standard_normal())
+    chance = _stream_of("keyboard", own, rng).random()
+    device: Device = "keyboard" if chance < drawn["keyboard"] else "gamepad"
+    return Traits(**drawn, axis_taste=(x, y, z), leniency=leniency, strain=strain, device=device)
+
+
+def _stream_of(name: str, own: int, rng: np.random.Generator) -> np.random.Generator:
+    """The stream of one trait. The first traits share one; who came later has one by name, so that one trait more
+    makes nobody else of anybody."""
+    if TRAITS[name].off is None:
+        return rng
+    return np.random.default_rng(np.random.SeedSequence(own, spawn_key=(zlib.crc32(name.encode()),)))
+
+
+def _drawn(name: str, population: Population, rng: np.random.Generator) -> float:
+    trait = TRAITS[name]
+    spread = trait.spread * population.spread_scale
+    # The second term keeps the mean of the log-normal where it is said to be.
+    value = population.mean(name) * float(np.exp(spread * rng.standard_normal() - spread * spread / 2.0))
+    return min(max(value, trait.low), trait.high)
 
 
 def stream(seed: int, purpose: Purpose, *key: int) -> np.random.Generator:

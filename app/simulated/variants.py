@@ -13,7 +13,7 @@ from typing import Any
 
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
-from app.simulated.traits import Population
+from app.simulated.traits import OFF, Population
 from app.trial.world import parse_text
 from study.definition.study import Study
 
@@ -40,6 +40,9 @@ shipped study changes none of them."""
 def _like(other: Changes, changes: Changes) -> Changes:
     return {section: {**values, **changes.get(section, {})} for section, values in other.items()}
 
+
+FIRST_PEOPLE: Mapping[str, float] = {"pause": 3.057, "fine_pause": 1.05, "look": 0.03659, "checks": 3.926}
+"""Means of version 0.1's participants, who neither learn nor tire, and misjudge no depth."""
 
 _PRESETS: Mapping[str, Changes] = {
     "shipped": {},
@@ -99,8 +102,15 @@ def fitted() -> dict[str, Any]:
 
 
 def fitted_population() -> Population:
-    """The population calibrated on pure teleoperation; all presets use it."""
-    return Population(means=dict(fitted()["participants"]))
+    """The population calibrated on pure teleoperation. What can be off is, unless the file states it."""
+    return Population(means={**OFF, **fitted()["participants"]})
+
+
+def population_of(preset: str | None) -> Population:
+    """Who a preset's participants are: those of its time for one that was published, else those that ship."""
+    if preset in (None, "shipped"):
+        return fitted_population()
+    return Population(means={**OFF, **FIRST_PEOPLE})
 
 
 def _replaced(text: str, section: str, key: str, value: Any) -> str:

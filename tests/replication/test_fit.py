@@ -21,6 +21,7 @@ from app.replication.fit import (
 )
 from app.replication.paper import reported
 from app.simulated.study import Plan, make_plan
+from app.simulated.traits import OFF, TRAITS
 from app.simulated.variants import changed_study, fitted, fitted_population
 from app.trial.world import open_study
 from study.analysis.measures import Measures
@@ -42,7 +43,8 @@ def test_only_pure_teleoperation_is_run() -> None:
 def test_what_ships_gives_the_paper_s_teleoperation() -> None:
     """For people it was not fitted on: ticks and window rate within a fifth, user actions until convergence within
     three standard errors of the paper's mean of 36 pickups. The replication's report shows the other anchors."""
-    ours = {(anchor.measure, anchor.kind): value for anchor, value in anchor_values(shipped())}
+    found = anchor_values(shipped())
+    ours = {(anchor.measure, anchor.kind): value for anchor, value in found if anchor.statistic == "mean"}
     for measure, kind in (("efficiency_ticks", "pickup"), ("efficiency_ticks", "all"), ("window_rate", "all")):
         assert ours[measure, kind] == pytest.approx(reported(measure, kind).means["teleoperation"], rel=0.2), kind
     paper = reported("convergence_user_actions", "pickup")
@@ -57,9 +59,8 @@ def test_what_ships_is_what_the_fit_found() -> None:
     assert data["study"]["robot"]["speed_m_s"] == numbers["speed_m_s"]
     assert data["study"]["arbiter"]["rationality_per_m"] == numbers["rationality_per_m"]
     assert data["study"]["arbiter"]["transition"] == VARIANTS[best[0]]["transition"]
-    assert data["participants"] == {name: numbers[name] for name in data["participants"]}
-    assert set(numbers) == {item.name for item in PARAMETERS}
-    assert fitted_population().means == data["participants"]
+    assert {name: numbers[name] for name in numbers if name in TRAITS}.items() <= data["participants"].items()
+    assert fitted_population().means == {**OFF, **data["participants"]}
 
 
 def test_a_fit_comes_nearer_and_keeps_its_bounds(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,8 @@ from app.errors import LabError
 from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
-from app.simulated.traits import TRAITS, Population, Purpose, Traits, draw_traits, stream
+from app.simulated.task_state import MIDDLE_TASK, Course, practised, tasks_before, tired
+from app.simulated.traits import OFF, TRAITS, Population, Purpose, Traits, draw_traits, stream
 from app.trial.values import UserInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
 from sim.kinematic import KinematicRobot
@@ -39,7 +40,7 @@ def test_individuals_differ_and_stay_within_bounds() -> None:
     for name, trait in TRAITS.items():
         values = [getattr(person, name) for person in people]
         assert all(trait.low <= value <= trait.high for value in values), name
-        assert len(set(values)) > 100, name
+        assert len(set(values)) > 100 or trait.spread == 0.0, name
 
 
 def test_the_mean_of_a_trait_is_where_the_population_puts_it() -> None:
@@ -178,6 +179,58 @@ def test_the_wrong_object_and_a_missed_grasp_are_let_go() -> None:
     missed = Sight((0.84, 0.27, 0.85), None, "closed", (0.84, 0.27, 0.85), (0.5, 0.5, 0.9))
     assert driver.act("wipes_tub", missed).gripper == "open"
     assert driver.act("wipes_tub", replace(missed, held="sponge_pack")).gripper == "open"
+
+
+# ---- how they are in a task -----------------------------------------------------------------------------------------
+
+
+def test_every_trait_names_its_source_or_says_that_it_is_assumed() -> None:
+    for name, trait in TRAITS.items():
+        assert trait.source.strip(), name
+        named = any(char.isdigit() for char in trait.source) or "paper" in trait.source
+        assert named or "assumed" in trait.source, name
+        assert trait.about, name
+
+
+def test_a_trait_added_or_switched_off_leaves_every_other_as_it_was() -> None:
+    person = draw_traits(Population(), stream(3, "traits"))
+    for name in OFF:
+        other = draw_traits(Population({name: OFF[name]}), stream(3, "traits"))
+        assert replace(other, **{name: getattr(person, name)}) == replace(person, device=other.device), name
+
+
+def test_what_is_off_changes_nothing_about_a_task() -> None:
+    person = draw_traits(Population(OFF), stream(3, "traits"))
+    for number in range(6):
+        state = Course(person, np.random.default_rng(number), 10).state("wipes_tub", carrying=False, tick=900)
+        assert (state.traits, state.depth_error_m, state.mixed_up) == (person, 0.0, 0)
+
+
+def test_practice_makes_quicker_and_time_on_task_slower() -> None:
+    assert [practised(0.2, number) for number in (1, MIDDLE_TASK, 24)] == sorted(
+        (practised(0.2, number) for number in (1, MIDDLE_TASK, 24)), reverse=True
+    )
+    assert practised(0.2, MIDDLE_TASK) == tired(0.1, 3.5) == 1.0
+    assert tired(0.1, 13.5) == pytest.approx(1.1)
+    assert [tasks_before(6, trial, practising) for trial in (1, 2) for practising in (True, False)] == [0, 2, 8, 10]
+
+
+def test_one_person_s_tasks_differ_and_a_task_that_is_tried_again_stays_the_same() -> None:
+    person = replace(average(), mood=0.5, mix_up=0.5)
+    course = Course(person, np.random.default_rng(1))
+    states = [course.state(name, carrying, 0) for name in OBJECTS for carrying in (False, True)]
+    assert len({state.traits.checks for state in states}) == len(states)
+    assert 0 < sum(state.mixed_up > 0 for state in states) < len(states)
+    assert course.state(OBJECTS[0], False, 500) is states[0]
+
+
+def test_keyboards_are_drawn_by_share_and_use_two_axes_less_often() -> None:
+    people = [draw_traits(Population({"keyboard": 0.4}), stream(seed, "traits")) for seed in range(300)]
+    assert 0.3 < np.mean([person.device == "keyboard" for person in people]) < 0.5
+    on_keys = Course(replace(average(), device="keyboard"), np.random.default_rng(0)).state("wipes_tub", False, 0)
+    on_pad = Course(replace(average(), device="gamepad"), np.random.default_rng(0)).state("wipes_tub", False, 0)
+    assert on_keys.traits.two_axes < on_pad.traits.two_axes
+    assert on_keys.traits.slip > on_pad.traits.slip
 
 
 # ---- what they say --------------------------------------------------------------------------------------------------
