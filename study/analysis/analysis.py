@@ -3,9 +3,11 @@
     analyse(dataset) -> Analysis          everything the report shows
     compare(...)                          one measure at a time, for whoever runs many studies
 
-Objective measures are compared task by task (belief gain: window by window) as in the paper, with a mixed model beside
-the ANOVA, because tasks of one participant are not independent. Window rate, usability and workload have one value
-per participant and condition and are compared within participants: F(k - 1, (k - 1)(n - 1)), F(2, 22) for twelve.
+Objective measures are compared task by task (belief gain: window by window) by the model that the paper states:
+condition fixed, condition order and task goal as random covariates. Its F, adjusted means and pairs are what tables,
+figures and brackets show. Beside it stand the same with a random participant too, because tasks of one participant are
+not independent, and with the covariates as fixed. Window rate, usability and workload have one value per participant
+and condition and are compared within participants: F(k - 1, (k - 1)(n - 1)), F(2, 22) for twelve.
 """
 
 from __future__ import annotations
@@ -58,8 +60,20 @@ MEASURES: dict[str, MeasureInfo] = {
         MeasureInfo("tlx_raw", "Workload (modified raw TLX)", "score, 1–7", 2, "participant"),
     )
 }
+Covariates = Literal["random", "fixed"]
+"""How position and goal enter: random as the paper states it, or as fixed categories."""
 OBJECTIVE: tuple[MeasureId, ...] = ("belief_gain", "convergence_user_actions", "efficiency_ticks")
 COMPARED_KINDS: tuple[TaskKind, ...] = ("pickup", "all")
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Models that stand beside the one that is reported."""
+
+    with_participant: MixedModel | NotFitted
+    """A random participant as well."""
+    fixed: Anova | NotFitted
+    """Position and goal as fixed categories."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +85,19 @@ class Comparison:
     """None for questionnaires, which are about a whole trial."""
     observations: tuple[Observation, ...]
     summaries: dict[str, Summary]
-    model: Anova | RepeatedMeasures | NotFitted
+    model: MixedModel | Anova | RepeatedMeasures | NotFitted
+    """What is reported: an `Anova` is that of fixed covariates, where it was asked for."""
     pairs: tuple[Pair, ...]
-    mixed: MixedModel | NotFitted | None
+    beside: Beside | None
+    """Other models of the same values; None = not asked for, or there are none."""
     equal_variance_p: float | None
     left_out: str | None = None
     """Values that could not enter, in one sentence."""
 
     @property
     def anova(self) -> Anova | NotFitted:
-        """The model's F test, whichever kind it is."""
-        return self.model.anova if isinstance(self.model, RepeatedMeasures) else self.model
+        """The model's F test, adjusted means and differences, whichever kind it is."""
+        return self.model.anova if isinstance(self.model, (RepeatedMeasures, MixedModel)) else self.model
 
 
 @dataclass(frozen=True)
@@ -154,7 +170,7 @@ def subsets(measures: Measures, conditions: Sequence[str]) -> tuple[Subset, ...]
         count = len(measures.tasks) - len(fewer.tasks)
         if count:
             compared = tuple(
-                compare(observations(fewer, measure, kind), measure, kind, conditions, mixed=False, intervals=False)
+                compare(observations(fewer, measure, kind), measure, kind, conditions, beside=False, intervals=False)
                 for measure in (*OBJECTIVE, "window_rate")
                 for kind in COMPARED_KINDS
             )
@@ -178,18 +194,21 @@ def compare(
     kind: TaskKind | None,
     conditions: Sequence[str],
     *,
-    mixed: bool = True,
+    covariates: Covariates = "random",
+    beside: bool = True,
     intervals: bool = True,
     own: Instrument | None = None,
 ) -> Comparison:
-    """One measure between conditions. Without `mixed` and `intervals` it takes a tenth of the time. `own` is the
+    """One measure between conditions. Without `beside` and `intervals` it takes a fraction of the time. `own` is the
     questionnaire when it is one of the study's own."""
     info = MEASURES[measure] if own is None else _info(own)
     summaries = {
         condition: summary([item.value for item in values if item.condition == condition]) for condition in conditions
     }
-    compared = _within if info.per == "participant" else _between
-    result = compared(values, info, kind, conditions, summaries, mixed)
+    if info.per == "participant":
+        result = _within(values, info, kind, conditions, summaries)
+    else:
+        result = _between(values, info, kind, conditions, summaries, covariates, beside)
     anova = result.anova
     if isinstance(anova, NotFitted):
         return result
@@ -208,22 +227,26 @@ def _between(
     kind: TaskKind | None,
     conditions: Sequence[str],
     summaries: dict[str, Summary],
-    mixed: bool,
+    covariates: Covariates,
+    beside: bool,
 ) -> Comparison:
     y, condition = [item.value for item in values], [item.condition for item in values]
-    covariates: dict[str, Sequence[object]] = {
+    two: dict[str, Sequence[object]] = {
         "position": [item.position for item in values],
         "goal": [item.goal for item in values],
     }
-    people = [item.participant for item in values]
+    three = {**two, "participant": [item.participant for item in values]}
+    fixed = statistics.anova(y, condition, two, conditions) if beside or covariates == "fixed" else None
+    model = fixed if covariates == "fixed" else mixed_model(y, condition, two, conditions, kenward_roger=beside)
+    assert model is not None
     return Comparison(
         measure=info,
         kind=kind,
         observations=tuple(values),
         summaries=summaries,
-        model=statistics.anova(y, condition, covariates, conditions),
+        model=model,
         pairs=(),
-        mixed=mixed_model(y, condition, people, covariates, conditions) if mixed else None,
+        beside=Beside(mixed_model(y, condition, three, conditions), fixed) if beside and fixed is not None else None,
         equal_variance_p=statistics.brown_forsythe(y, condition),
     )
 
@@ -234,7 +257,6 @@ def _within(
     kind: TaskKind | None,
     conditions: Sequence[str],
     summaries: dict[str, Summary],
-    mixed: bool,
 ) -> Comparison:
     complete = _complete(values, conditions)
     people = {item.participant for item in values}
@@ -256,7 +278,7 @@ def _within(
             conditions,
         ),
         pairs=(),
-        mixed=None,
+        beside=None,
         equal_variance_p=None,
         left_out=left_out,
     )

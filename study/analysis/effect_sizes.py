@@ -32,7 +32,7 @@ class Interval:
     high: float
 
 
-def eta_squared(f: float, df_effect: int, df_error: int, level: float = ETA_LEVEL) -> Interval:
+def eta_squared(f: float, df_effect: int, df_error: float, level: float = ETA_LEVEL) -> Interval:
     """Partial eta squared of an F, with limits from the noncentral F distribution (Smithson 2001)."""
     value = f * df_effect / (f * df_effect + df_error)
 

@@ -6,7 +6,7 @@ from html import escape
 
 from study.analysis.analysis import KIND_TITLES, Analysis, Subset
 from study.analysis.effect_sizes import NotFitted
-from study.analysis.method_text import interval, mean_sd, p_value
+from study.analysis.method_text import f_test, interval, mean_sd, p_value
 from study.analysis.report_pieces import label_of, name_of, relation, table
 from study.analysis.sensitivity import LeftOut
 
@@ -50,7 +50,7 @@ def _subset(analysis: Analysis, subset: Subset) -> str:
         if isinstance(anova, NotFitted):
             cells += ["not fitted", ""]
         else:
-            cells += [f"F({anova.df_effect}, {anova.df_error}) = {anova.f:.2f}", p_value(anova.p)]
+            cells += [f_test(anova), p_value(anova.p)]
             if anova.p < 0.05:
                 marked.append(len(rows))
         before = whole.anova if whole is not None else None

@@ -8,6 +8,7 @@ from typing import Any
 
 from study.analysis.analysis import Analysis
 from study.analysis.effect_sizes import Interval
+from study.analysis.linear_model import Anova
 from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.analysis.summaries import Summary
 from study.definition.builtin_questionnaires import INSTRUMENTS, Instrument
@@ -32,6 +33,16 @@ def p_value(p: float) -> str:
     if p < 1e-3:
         return "<\N{NO-BREAK SPACE}.001"
     return "1.000" if p > 0.9995 else f"{p:.3f}"[1:]
+
+
+def degrees(df: float) -> str:
+    """Degrees of freedom: whole ones as such, others with one decimal."""
+    return f"{df:.0f}" if abs(df - round(df)) < 1e-6 else number(df, 1 if df >= 1.0 else 2)
+
+
+def f_test(anova: Anova) -> str:
+    """F(2, 88.1) = 20.61"""
+    return f"F({anova.df_effect}, {degrees(anova.df_error)}) = {number(anova.f, 2)}"
 
 
 def mean_sd(found: Summary, decimals: int) -> str:
@@ -86,16 +97,20 @@ def methods(analysis: Analysis) -> list[str]:
         "instructed goal at the user action that ends a window, where the entropy before it (to the base of the number "
         f"of candidates) is above {GAIN_ENTROPY}. The window rate is the number of windows, of any entropy, divided by "
         "the ticks without gripper and reset ticks, per participant and condition.",
-        "Objective measures were compared by analysis of variance over tasks (belief gain: over windows) with the "
-        "condition as fixed effect and the position of the trial in the order and the instructed goal as categorical "
-        "covariates, each effect tested given the others, followed by Tukey's HSD (Tukey–Kramer) on the adjusted "
-        "means. Beside it, a linear mixed model with the same fixed effects and a random intercept per participant "
-        "was fitted by restricted maximum likelihood, and the condition tested by Wald's χ². Window rate and survey "
+        "Objective measures were compared over tasks (belief gain: over windows) by a linear mixed model with the "
+        "condition as fixed effect and the position of the trial in the order and the instructed goal as crossed "
+        "random intercepts, fitted by restricted maximum likelihood; the condition was tested by F with "
+        "Satterthwaite's degrees of freedom, and its adjusted means compared in pairs with Tukey's adjustment. This "
+        "is the analysis that the paper states (V-B: condition fixed, condition order and task goal as random "
+        "covariates). Beside it stand, for comparison, Kenward and Roger's degrees of freedom; the same model with a "
+        "random intercept per participant, since tasks of one person are not independent; and an analysis of variance "
+        "in which position and goal are fixed categories, each effect tested given the others. Window rate and survey "
         "scales have one value per participant and condition and were compared by one-way repeated-measures analysis "
         "of variance, F(k − 1, (k − 1)(n − 1)), with Greenhouse and Geisser's correction stated and Tukey's HSD on its "
         "error term. Effect sizes are partial η² with 90 % and Hedges' g (tasks, pooled SD) or d_z (participants, SD "
         "of differences) with 95 % confidence intervals from noncentral distributions. Slopes over the number of goals "
-        "are least squares over windows. The significance level was .05.",
+        "are least squares over windows. Means with standard deviations (M, SD) are those of the plain "
+        "values. The significance level was .05.",
     ]
     if any(item.frees or item.pickups_over_time or item.dropoffs_over_time for item in quality.ended):
         paragraphs.append(

@@ -1,167 +1,173 @@
-"""The mixed model beside the ANOVA: the same fixed part, and a random intercept for every participant, by REML."""
+"""The linear mixed model of one measure between conditions: condition fixed, covariates as crossed random intercepts.
+
+    mixed_model(values, condition, {"position": ..., "goal": ...})    the paper's model (V-B)
+    mixed_model(values, condition, {..., "participant": ...})         and a random intercept for each person
+
+Fitted by REML; F, adjusted means and pairs with Satterthwaite's degrees of freedom, Kenward and Roger's beside them.
+What differs from R's lme4, lmerTest, pbkrtest and emmeans, and by how much, stands in docs/topics/statistics.md.
+"""
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
-from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
+from scipy import stats
 
-from study.analysis.design_matrix import FloatArray, design_matrix, independent_columns, levels_of, problem
-from study.analysis.effect_sizes import LEVEL, NO_VARIANCE, Interval, NotFitted
+from study.analysis.degrees_of_freedom import (
+    Estimates,
+    KenwardRoger,
+    Satterthwaite,
+    estimates,
+    sequential_contrasts,
+)
+from study.analysis.design_matrix import FloatArray, levels_of, problem
+from study.analysis.effect_sizes import NO_VARIANCE, NotFitted, eta_squared
+from study.analysis.linear_model import AdjustedMean, Anova
+from study.analysis.restricted_likelihood import RestrictedLikelihood
+
+
+@dataclass(frozen=True)
+class RandomPart:
+    """A covariate whose levels are taken as drawn from many: how many there are, and their SD in the values' unit."""
+
+    name: str
+    levels: int
+    sd: float
 
 
 @dataclass(frozen=True)
 class MixedModel:
-    """Random intercept per participant, fixed part as the ANOVA's; REML. `against` is the reference condition."""
+    """One fit. `anova` has the F test of the condition, the adjusted means and their differences."""
 
-    chi_squared: float
-    df: int
-    p: float
-    """Wald test of the condition."""
-    against: str
-    estimates: tuple[tuple[str, Interval, float], ...]
-    """Condition, difference from `against` with its 95 % interval, p."""
-    participant_sd: float
+    anova: Anova
+    """With Satterthwaite's degrees of freedom."""
+    kenward_roger: Anova | NotFitted | None
+    """The same means with Kenward and Roger's standard errors and degrees of freedom; None = not asked for."""
+    random: tuple[RandomPart, ...]
     residual_sd: float
-    participants: int
-    note: str | None
-    """What to know about the fit; None = nothing."""
+    criterion: float
+    """-2 log of the restricted likelihood, as lme4's REMLcrit."""
+    notes: tuple[str, ...]
+    """What to know about the fit: covariates left out, variances of 0."""
 
 
 def mixed_model(
     values: Sequence[float],
     condition: Sequence[str],
-    participant: Sequence[str],
-    covariates: Mapping[str, Sequence[object]] | None = None,
+    covariates: Mapping[str, Sequence[object]],
     conditions: Sequence[str] | None = None,
+    *,
+    kenward_roger: bool = True,
 ) -> MixedModel | NotFitted:
-    """The ANOVA's fixed part and a random intercept per participant, by REML."""
+    """Condition fixed, every covariate a random intercept.
+
+    A covariate with one level, or whose variance cannot be told apart from another's, is left out and the notes say so.
+    `conditions` is the order of the levels (default: as they first occur); levels that do not occur are left out.
+    """
     y = np.asarray(values, dtype=np.float64)
     levels = levels_of(condition, conditions)
     if reason := problem(y, condition, levels):
         return NotFitted(reason)
-    people = len(set(participant))
-    if people < 3:
-        return NotFitted(f"participants: {people}; their spread cannot be estimated from fewer than 3")
-    design = design_matrix(condition, levels, {name: list(of) for name, of in (covariates or {}).items()})
-    keep = independent_columns(design)
-    own = [keep.index(column) for column in range(1, len(levels)) if column in keep]
-    if len(own) < len(levels) - 1:
-        return NotFitted("the condition cannot be told apart from the covariates")
-    design = design[:, keep]
-    if len(y) <= design.shape[1] + 1:
-        return NotFitted(f"{len(y)} values are too few for {design.shape[1] + 2} parameters")
-    groups = _Groups(y, design, participant)
-    if groups.rss(0.0) <= NO_VARIANCE * float(y @ y):
+    group = [levels.index(level) for level in condition]
+    names, notes = [name for name, of in covariates.items() if len(set(of)) > 1], []
+    notes += [f"{name} has one level and is left out" for name in covariates if name not in names]
+    codes = {name: np.unique([str(item) for item in covariates[name]], return_inverse=True)[1] for name in names}
+    model = RestrictedLikelihood(y, group, [codes[name] for name in names])
+    if tied := [name for index, name in enumerate(names) if not model.varies_within_conditions(index)]:
+        return NotFitted(f"the condition cannot be told apart from {' and '.join(tied)}: they always change together")
+    kept: list[int] = []
+    for index, name in enumerate(names):
+        if model.is_told_apart(index, kept):
+            kept.append(index)
+        else:
+            others = " and ".join([*(names[other] for other in kept), "single values"])
+            notes.append(f"{name} is left out: its variance cannot be told apart from that of {others}")
+    names = [names[index] for index in kept]
+    model = RestrictedLikelihood(y, group, [codes[name] for name in names])
+    if (parameters := model.rank()) >= len(y):
+        return NotFitted(
+            f"{len(y)} values are too few for {len(levels)} conditions and the levels of {' and '.join(names)}; at "
+            f"least {parameters + 1} are needed"
+        )
+    if model.residual_squares() <= NO_VARIANCE * float(y @ y):
         return NotFitted("the values do not vary within the conditions, so that there is nothing to test against")
-    within = groups.fit(0.0) if groups.falls_from_zero() else _fit(y, design, participant, groups.best_fit())
-    effects, block = within.effects[own], within.covariance[np.ix_(own, own)]
-    chi_squared = float(effects @ np.linalg.solve(block, effects))
-    estimates = []
-    for index, value in enumerate(map(float, effects)):
-        se = math.sqrt(block[index, index])
-        reach = float(stats.norm.ppf(0.5 + LEVEL / 2.0)) * se
-        p = 2.0 * float(stats.norm.sf(abs(value) / se))
-        estimates.append((levels[index + 1], Interval(value, value - reach, value + reach), p))
+    found = estimates(model, model.best())
+    sds = [math.sqrt(ratio * found.variance) for ratio in found.ratios]
+    notes += [f"the variance of {name} is estimated as 0" for name, sd in zip(names, sds, strict=True) if sd == 0.0]
     return MixedModel(
-        chi_squared=chi_squared,
-        df=len(own),
-        p=float(stats.chi2.sf(chi_squared, len(own))),
-        against=levels[0],
-        estimates=tuple(estimates),
-        participant_sd=within.participant_sd,
-        residual_sd=within.residual_sd,
-        participants=people,
-        note=within.note,
+        anova=_satterthwaite(model, found, levels, tuple(names)),
+        kenward_roger=_kenward_roger(model, found, levels, tuple(names)) if kenward_roger else None,
+        random=tuple(RandomPart(name, len(set(codes[name].tolist())), sd) for name, sd in zip(names, sds, strict=True)),
+        residual_sd=math.sqrt(found.variance),
+        criterion=found.criterion,
+        notes=tuple(notes),
     )
 
 
-@dataclass(frozen=True)
-class _RandomIntercept:
-    effects: FloatArray
-    covariance: FloatArray
-    participant_sd: float
-    residual_sd: float
-    note: str | None = None
+def _satterthwaite(
+    model: RestrictedLikelihood, found: Estimates, levels: tuple[str, ...], names: tuple[str, ...]
+) -> Anova:
+    method = Satterthwaite(model, found)
+    contrasts = sequential_contrasts(model.sizes)
+    told = contrasts @ found.means
+    f = float(told @ np.linalg.solve(contrasts @ found.covariance @ contrasts.T, told)) / len(contrasts)
+    single = [method.of(row) for row in np.eye(len(levels))]
+    pairs = [[method.of(row) if row.any() else math.inf for row in rows] for rows in _differences(len(levels))]
+    return _tested(found, levels, names, f, method.of_all(contrasts), found.covariance, single, pairs)
 
 
-def _fit(y: FloatArray, design: FloatArray, participant: Sequence[str], start: _RandomIntercept) -> _RandomIntercept:
-    """statsmodels' fit, begun where the likelihood is greatest; `start` itself where its optimiser stops at a singular
-    covariance, as it does near a variance of 0."""
-    scale = float(y.std())  # belief gains are thousandths, ticks hundreds: the optimiser sees ones
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            ratio = (start.participant_sd / start.residual_sd) ** 2
-            begin = MixedLMParams.from_components(start.effects / scale, cov_re=np.array([[ratio]]))
-            model = MixedLM(y / scale, design, groups=np.asarray(participant))
-            fit = model.fit(start_params=begin, reml=True, method="lbfgs", maxiter=200)
-            covariance = np.asarray(fit.cov_params())[: design.shape[1], : design.shape[1]] * scale**2
-    except (np.linalg.LinAlgError, ValueError):
-        return start
-    variance = float(np.asarray(fit.cov_re).ravel()[0])
-    if not fit.converged or not np.isfinite(covariance).all() or not variance > 0.0:
-        return start
-    effects = np.asarray(fit.fe_params) * scale
-    return _RandomIntercept(effects, covariance, math.sqrt(variance) * scale, math.sqrt(float(fit.scale)) * scale)
+def _kenward_roger(
+    model: RestrictedLikelihood, found: Estimates, levels: tuple[str, ...], names: tuple[str, ...]
+) -> Anova | NotFitted:
+    method = KenwardRoger(model, found)
+    test = method.test(sequential_contrasts(model.sizes))
+    single = [method.of(row[None, :])[0] for row in np.eye(len(levels))]
+    pairs = [
+        [method.of(row[None, :])[0] if row.any() else math.inf for row in rows] for rows in _differences(len(levels))
+    ]
+    variances = [row @ method.covariance @ row for rows in _differences(len(levels)) for row in rows if row.any()]
+    numbers = [test.df_error, *single, *(df for row in pairs for df in row), *variances]
+    if not math.isfinite(test.f) or not all(number > 0.0 for number in numbers):
+        return NotFitted("there are too few values for Kenward and Roger's adjustment")
+    return _tested(found, levels, names, test.f, test.df_error, method.covariance, single, pairs)
 
 
-class _Groups:
-    """Restricted likelihood of a random intercept as a function of the variances' ratio alone (for the boundary).
+def _tested(
+    found: Estimates,
+    levels: tuple[str, ...],
+    names: tuple[str, ...],
+    f: float,
+    df_error: float,
+    covariance: FloatArray,
+    single: Sequence[float],
+    pairs: Sequence[Sequence[float]],
+) -> Anova:
+    df_effect = len(levels) - 1
+    spread = np.diag(covariance)
+    variances = spread[:, None] + spread[None, :] - 2.0 * covariance
+    return Anova(
+        f=f,
+        df_effect=df_effect,
+        df_error=df_error,
+        p=float(stats.f.sf(f, df_effect, df_error)),
+        eta_squared=eta_squared(f, df_effect, df_error),
+        mean_square_error=found.variance,
+        observations=found.observations,
+        conditions=levels,
+        adjusted_means=tuple(
+            AdjustedMean(level, float(mean), math.sqrt(variance), df)
+            for level, mean, variance, df in zip(levels, found.means, spread, single, strict=True)
+        ),
+        contrast_se=tuple(tuple(float(math.sqrt(max(cell, 0.0))) for cell in row) for row in variances),
+        contrast_df=tuple(tuple(row) for row in pairs),
+        covariates=names,
+    )
 
-    With V = I + ratio Z Z', everything follows from sums over participants: V^-1 = I - Z diag(w) Z',
-    w = ratio / (1 + ratio n).
-    """
 
-    def __init__(self, y: FloatArray, design: FloatArray, participant: Sequence[str]) -> None:
-        codes = np.unique(np.asarray(participant), return_inverse=True)[1]
-        count = int(codes.max()) + 1
-        self._y, self._design, self._codes = y, design, codes
-        self._sizes = np.bincount(codes, minlength=count).astype(np.float64)
-        self._sums_x = np.column_stack([np.bincount(codes, column, count) for column in design.T])  # Z'X
-        self._sums_y = np.bincount(codes, y, count)
-
-    def _solve(self, ratio: float) -> tuple[FloatArray, FloatArray, float]:
-        """(X'V^-1X)^-1, effects, residual sum of squares in the metric of V^-1."""
-        weights = ratio / (1.0 + ratio * self._sizes)
-        inverse = np.linalg.inv(self._design.T @ self._design - (self._sums_x.T * weights) @ self._sums_x)
-        effects = inverse @ (self._design.T @ self._y - self._sums_x.T @ (weights * self._sums_y))
-        residuals = self._y - self._design @ effects
-        sums = np.bincount(self._codes, residuals, len(self._sizes))
-        return inverse, effects, float(residuals @ residuals - weights @ sums**2)
-
-    def rss(self, ratio: float) -> float:
-        return self._solve(ratio)[2]
-
-    def falls_from_zero(self) -> bool:
-        """Whether the likelihood falls from a ratio of 0 on; its slope there is r'ZZ'r / s^2 - tr(Z'MZ)."""
-        inverse, effects, squares = self._solve(0.0)
-        sums = self._sums_y - self._sums_x @ effects
-        variance = squares / (len(self._y) - self._design.shape[1])
-        trace = len(self._y) - float(np.einsum("ij,jk,ik->", self._sums_x, inverse, self._sums_x))
-        return bool(float(sums @ sums) / variance <= trace)
-
-    def best_fit(self) -> _RandomIntercept:
-        """The ratio of the greatest restricted likelihood."""
-        degrees = len(self._y) - self._design.shape[1]
-
-        def loss(log_ratio: float) -> float:
-            ratio = math.exp(log_ratio)
-            inverse, _, squares = self._solve(ratio)
-            log_inverse = float(np.linalg.slogdet(inverse)[1])
-            penalty = float(np.log1p(ratio * self._sizes).sum())
-            return float(degrees * math.log(squares) + penalty - log_inverse)
-
-        found = optimize.minimize_scalar(loss, bounds=(-20.0, 10.0), method="bounded", options={"xatol": 1e-8})
-        return self.fit(math.exp(float(found.x)))
-
-    def fit(self, ratio: float) -> _RandomIntercept:
-        inverse, effects, squares = self._solve(ratio)
-        variance = squares / (len(self._y) - self._design.shape[1])
-        note = "participants' variance is estimated as 0: the mixed model is then the ANOVA" if ratio == 0.0 else None
-        return _RandomIntercept(effects, inverse * variance, math.sqrt(ratio * variance), math.sqrt(variance), note)
+def _differences(count: int) -> FloatArray:
+    """Contrast of every two conditions, (count, count, count)."""
+    single = np.eye(count)
+    return np.asarray(single[:, None, :] - single[None, :, :])

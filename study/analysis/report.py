@@ -18,8 +18,9 @@ from study.analysis.ended_section import ended_section
 from study.analysis.figures import HEATMAP_NAME, Heatmap, Picture, draw_all
 from study.analysis.linear_model import Pair, RepeatedMeasures
 from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
-from study.analysis.method_text import interval, mean_sd, methods, number, p_value, settings
-from study.analysis.report_pieces import label_of, name_of, relation, table
+from study.analysis.method_text import f_test, interval, mean_sd, methods, number, p_value, settings
+from study.analysis.models_section import models_section
+from study.analysis.report_pieces import adjusted, label_of, name_of, relation, table
 from study.analysis.summaries import summarise
 from study.analysis.tables import MEASURES_FORMAT, all_tables, measures_json
 from study.json_text import parse_json
@@ -97,7 +98,9 @@ def html_page(analysis: Analysis, pictures: Sequence[Picture]) -> str:
         *_warnings(analysis),
         "<h2>Results</h2>",
         _results_table(analysis),
-        "<p>Bold: <i>p</i> &lt; .05.</p>",
+        "<p>Bold: <i>p</i> &lt; .05. The first line of a cell is the adjusted mean with its standard error, which the "
+        "figures show too and the tests compare; the second is mean, standard deviation and number of the plain "
+        "values.</p>",
         "<ul>",
         *(f"<li>{_sentence(analysis, comparison)}</li>" for comparison in analysis.comparisons),
         "</ul>",
@@ -106,10 +109,8 @@ def html_page(analysis: Analysis, pictures: Sequence[Picture]) -> str:
         *_missing_figures(pictures),
         "<h2>Pairwise comparisons</h2>",
         _pairs_table(analysis),
-        "<h2>Mixed models</h2>",
-        "<p>The ANOVAs above follow the paper and treat tasks (windows) as independent. Here participants are random "
-        "intercepts beside the same fixed effects.</p>",
-        _mixed_table(analysis),
+        "<h2>Models</h2>",
+        *models_section(analysis),
         "<h2>Belief gain by number of candidate goals</h2>",
         _trend_table(analysis),
         "<h2>Tasks and windows</h2>",
@@ -189,20 +190,22 @@ def _results_table(analysis: Analysis) -> str:
     for index, comparison in enumerate(analysis.comparisons):
         decimals = comparison.measure.decimals
         cells = [f"{escape(label_of(comparison))} <span class=unit>({escape(comparison.measure.unit)})</span>"]
-        cells += [f"{mean_sd(found, decimals)}, {found.n}" for found in comparison.summaries.values()]
+        cells += [
+            f"{adjusted(comparison, condition)}<br><span class=unit>{mean_sd(found, decimals)}, {found.n}</span>"
+            for condition, found in comparison.summaries.items()
+        ]
         anova = comparison.anova
         if isinstance(anova, NotFitted):
             cells += ["not fitted", "", ""]
         else:
-            cells += [
-                f"F({anova.df_effect}, {anova.df_error}) = {anova.f:.2f}",
-                p_value(anova.p),
-                interval(anova.eta_squared, 2),
-            ]
+            cells += [f_test(anova), p_value(anova.p), interval(anova.eta_squared, 2)]
             if anova.p < 0.05:
                 marked.append(index)
         rows.append(cells)
-    names = [f"{escape(name_of(analysis, c))}<br>M (SD), n" for c in analysis.data.conditions]
+    names = [
+        f"{escape(name_of(analysis, c))}<br>adjusted mean (SE)<br><span class=unit>M (SD), n</span>"
+        for c in analysis.data.conditions
+    ]
     header = ["Measure", *names, "Condition", "p", "η²<sub>p</sub> [90 % CI]"]
     return table(header, rows, numbers=len(names) + 3, marked=marked)
 
@@ -213,10 +216,12 @@ def _sentence(analysis: Analysis, comparison: Comparison) -> str:
     anova = comparison.anova
     if isinstance(anova, NotFitted):
         return head + f"Not tested: {escape(anova.reason)}."
-    kind = "repeated measures" if isinstance(comparison.model, RepeatedMeasures) else "position and goal as covariates"
+    kind = "repeated measures"
+    if not isinstance(comparison.model, RepeatedMeasures):
+        kind = f"{' and '.join(anova.covariates) or 'nothing'} as random covariates"
     verdict = "Significant effect" if anova.p < 0.05 else "No significant effect"
     text = (
-        f"{verdict} of condition, <i>F</i>({anova.df_effect}, {anova.df_error}) = {anova.f:.2f}, "
+        f"{verdict} of condition, <i>F</i>{f_test(anova).removeprefix('F')}, "
         f"<i>p</i> {relation(anova.p)}, η²<sub>p</sub> = {interval(anova.eta_squared, 2)} ({kind})"
     )
     if isinstance(comparison.model, RepeatedMeasures):
@@ -296,34 +301,6 @@ def _pairs_table(analysis: Analysis) -> str:
         return "<p>No comparison could be fitted.</p>"
     header = ("Measure", "Conditions", "Adjusted difference [95 % CI]", "p (Tukey)", "Effect size [95 % CI]")
     return table([escape(cell) for cell in header], rows, numbers=3, marked=marked)
-
-
-def _mixed_table(analysis: Analysis) -> str:
-    rows = []
-    for comparison in analysis.comparisons:
-        model, decimals = comparison.mixed, comparison.measure.decimals
-        if model is None:
-            continue
-        if isinstance(model, NotFitted):
-            rows.append((escape(label_of(comparison)), f"not fitted: {escape(model.reason)}", "", "", "", ""))
-            continue
-        estimates = "<br>".join(
-            f"{escape(name_of(analysis, condition))}: {interval(difference, decimals)}, p {relation(p)}"
-            for condition, difference, p in model.estimates
-        )
-        rows.append(
-            (
-                escape(label_of(comparison)),
-                estimates,
-                f"χ²({model.df}) = {model.chi_squared:.2f}",
-                p_value(model.p),
-                f"{number(model.participant_sd, decimals)} / {number(model.residual_sd, decimals)}",
-                escape(model.note or ""),
-            )
-        )
-    against = escape(name_of(analysis, analysis.data.conditions[0]))
-    header = ("Measure", f"Difference from {against} [95 % CI]", "Condition (Wald)", "p")
-    return table([*header, "SD of participants / residual", "Note"], rows)
 
 
 def _trend_table(analysis: Analysis) -> str:

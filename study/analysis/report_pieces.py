@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from study.analysis.analysis import KIND_TITLES, Analysis, Comparison
+from study.analysis.effect_sizes import NotFitted
 from study.analysis.figures import looks
-from study.analysis.method_text import p_value
+from study.analysis.method_text import number, p_value
 
 
 def name_of(analysis: Analysis, condition: str) -> str:
@@ -32,6 +33,18 @@ def label_of(comparison: Comparison) -> str:
     """What is compared, over which tasks."""
     kind = f", {KIND_TITLES[comparison.kind]}" if comparison.kind else ""
     return f"{comparison.measure.title}{kind}"
+
+
+def adjusted(comparison: Comparison, condition: str) -> str:
+    """A condition's adjusted mean and its standard error, as HTML."""
+    anova = comparison.anova
+    if isinstance(anova, NotFitted):
+        return "not fitted"
+    of = next((item for item in anova.adjusted_means if item.condition == condition), None)
+    if of is None:
+        return "no values"
+    decimals = comparison.measure.decimals
+    return f"{number(of.mean, decimals)} ({number(of.se, decimals)})"
 
 
 def relation(p: float) -> str:
