@@ -10,7 +10,7 @@ from scipy import stats
 
 from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, DIFFERENCES, REPORTED, Claim
 from app.replication.studies import SURVEYS, Values
-from study.analysis.analysis import compare
+from study.analysis.analysis import Covariates, compare
 from study.analysis.effect_sizes import NotFitted
 from study.analysis.linear_model import Anova, slope
 
@@ -114,8 +114,10 @@ def middle(values: Sequence[float]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Contrast]:
-    """Every comparison in one study, as the paper tested it."""
+def compared(
+    values: Values, claims: Sequence[Claim] = CLAIMS, *, covariates: Covariates = "random"
+) -> dict[Claim, Contrast]:
+    """Every comparison in one study, with position and goal as random covariates as the paper states, or as fixed."""
     found: dict[Claim, Contrast] = {}
     for key in dict.fromkeys((claim.measure, claim.kind) for claim in claims):
         if not values.observations.get(key):
@@ -126,7 +128,8 @@ def compared(values: Values, claims: Sequence[Claim] = CLAIMS) -> dict[Claim, Co
             measure,
             None if measure in SURVEYS else kind,
             CONDITIONS_IN_ORDER,
-            mixed=False,
+            covariates=covariates,
+            beside=False,
             intervals=False,
         )
         model = result.anova
@@ -147,7 +150,8 @@ def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
     if not claim.margin:
         return False
     places = [model.conditions.index(name) for name in (claim.first, claim.second)]
-    reach = float(stats.t.ppf(1.0 - ALPHA, model.df_error)) * model.contrast_se[places[0]][places[1]]
+    df = model.contrast_df[places[0]][places[1]]
+    reach = float(stats.t.ppf(1.0 - ALPHA, df)) * model.contrast_se[places[0]][places[1]]
     return abs(difference) + reach < claim.margin
 
 

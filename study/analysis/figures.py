@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
 
 from study.analysis.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
+from study.analysis.effect_sizes import NotFitted
 from study.analysis.measures import TaskKind
 from study.analysis.observations import Observation
 from study.records import TICK_S
@@ -146,9 +146,12 @@ def draw_all(analysis: Analysis, heatmap: Heatmap | None) -> tuple[Picture, ...]
 # ---- the figures ----------------------------------------------------------------------------------------------------
 
 _COMMON = (
-    "Small marks: participants' means (lines join one participant's conditions); large marks: mean of these, with its "
-    "95 % confidence interval. Brackets: Tukey HSD of the ANOVA, * p < .05, ** p < .01, *** p < .001, **** p < .0001."
+    "Small marks: participants' means (lines join one participant's conditions); large marks: adjusted means of the "
+    "conditions with their standard errors, as in the tables ({model}); where nothing could be fitted, the plain mean. "
+    "Brackets: pairs of adjusted means that differ (Tukey), * p < .05, ** p < .01, *** p < .001, **** p < .0001."
 )
+_OVER_TASKS = _COMMON.format(model="position and goal as random covariates")
+_WITHIN = _COMMON.format(model="within participants, over those with every condition")
 
 
 def objective_figure(analysis: Analysis) -> Picture:
@@ -167,7 +170,7 @@ def objective_figure(analysis: Analysis) -> Picture:
         "Objective measures",
         "(A) Belief accuracy gain at the first user action after a window in which entropy was above 0.7; (B) user "
         "actions until the instructed goal stayed the most likely, without tasks that never converged; (C) ticks "
-        f"without gripper and reset ticks. Lower is better in B and C. {_COMMON} After the paper's Fig. 3.",
+        f"without gripper and reset ticks. Lower is better in B and C. {_OVER_TASKS} After the paper's Fig. 3.",
         svg,
         png,
     )
@@ -192,8 +195,8 @@ def goals_figure(analysis: Analysis) -> Picture:
         "fig4_gain_by_goals",
         "Belief gain by number of candidate goals",
         "Belief accuracy gain after windows with entropy above 0.7, by the number of candidate goals of the task. "
-        "Small marks: participants' means; large marks: mean of these with its 95 % confidence interval (none where "
-        "fewer than two participants have windows; it may leave the panel where they are few); n counts windows. "
+        "Small marks: participants' means; large marks: plain mean over the n windows, as in the table, with its "
+        "standard error (SD / √n, as if windows were independent). "
         "After the paper's Fig. 4.",
         svg,
         png,
@@ -216,7 +219,7 @@ def survey_figure(analysis: Analysis) -> Picture:
     return Picture(
         "fig5_surveys",
         "Survey scales",
-        "Mean of all items on 1 to 7 after reversing. High usability is good, high workload is bad. " + _COMMON,
+        "Mean of all items on 1 to 7 after reversing. High usability is good, high workload is bad. " + _WITHIN,
         svg,
         png,
     )
@@ -236,7 +239,7 @@ def window_figure(analysis: Analysis) -> Picture:
     return Picture(
         "fig6_window_rate",
         "Window rate",
-        "Windows of at least five ticks without input, divided by control ticks, per participant. " + _COMMON,
+        "Windows of at least five ticks without input, divided by control ticks, per participant. " + _WITHIN,
         svg,
         png,
     )
@@ -287,16 +290,18 @@ def _draw_groups(
     """Columns of every condition, group by group, with brackets over what differs."""
     look = looks(conditions)
     width = len(conditions) + 0.8
-    means = [mean for g in groups for of in _person_means(g.observations).values() for mean in of.values()] or [
-        0.0,
-        1.0,
-    ]
+    means = [mean for g in groups for of in _person_means(g.observations).values() for mean in of.values()]
+    for group in groups:
+        if not isinstance(group.anova, NotFitted):
+            means += [of.mean + end for of in group.anova.adjusted_means for end in (-of.se, of.se)]
+    means = means or [0.0, 1.0]
     bottom, top = scale or (min(means), max(means))
     ticks, labels = [], []
     high = top
     for index, group in enumerate(groups):
         places = {condition: index * width + column for column, condition in enumerate(conditions)}
         _draw_people(ax, group.observations, places, look)
+        _draw_adjusted(ax, group, places, look)
         ticks += list(places.values())
         labels += [look[condition].letter for condition in conditions]
         high = max(high, _draw_brackets(ax, group, places, top, (top - bottom) or 1.0))
@@ -343,16 +348,22 @@ def _draw_people(
             alpha=0.35 if many else 0.8,
             zorder=2,
         )
+
+
+def _draw_adjusted(ax: Axes, group: Comparison, places: dict[str, float], look: dict[str, Look]) -> None:
+    """The adjusted mean of each condition with its standard error: the numbers that stand in the tables."""
+    anova = group.anova
+    means = {} if isinstance(anova, NotFitted) else {of.condition: (of.mean, of.se) for of in anova.adjusted_means}
     for condition, place in places.items():
-        values = [of[condition] for of in people.values() if condition in of]
-        _draw_mean(ax, place, values, look[condition])
+        plain = group.summaries[condition].mean
+        if condition in means:
+            _draw_mean(ax, place, *means[condition], look[condition])
+        elif plain is not None:
+            _draw_mean(ax, place, plain, None, look[condition])
 
 
-def _draw_mean(ax: Axes, place: float, values: Sequence[float], look: Look) -> None:
-    if not values:
-        return
-    mean = float(np.mean(values))
-    if (reach := _confidence(values)) is not None:
+def _draw_mean(ax: Axes, place: float, mean: float, reach: float | None, look: Look) -> None:
+    if reach is not None:
         ax.errorbar(place, mean, reach, color="black", lw=1.0, capsize=2.2, capthick=0.8, zorder=3)
     ax.plot(place, mean, look.marker, ms=5.0, mfc=look.colour, mec="black", mew=0.6, zorder=4)
 
@@ -379,10 +390,11 @@ def _draw_trend(ax: Axes, trend: GoalTrend, found: Sequence[Observation], counts
         many = len(people) > MAX_LINES
         style: dict[str, Any] = {"ms": 1.2 if many else 2.0, "mfc": "none", "mew": 0.4, "alpha": 0.35 if many else 0.7}
         ax.plot(count + shifts, people, look.marker, mec=look.colour, **style)
-        if people:
-            means.append((count, float(np.mean(people))))
-        _draw_mean(ax, count, people, look)
         windows = trend.by_goals.get(count)
+        if windows is not None and windows.mean is not None:
+            means.append((count, windows.mean))
+            se = None if windows.sd is None else windows.sd / math.sqrt(windows.n)
+            _draw_mean(ax, count, windows.mean, se, look)
         ax.annotate(
             f"n = {windows.n if windows else 0}",
             (count, 1.0),
@@ -412,13 +424,6 @@ def _person_means(observations: Iterable[Observation]) -> dict[str, dict[str, fl
 
 def _all_means(observations: Iterable[Observation]) -> list[float]:
     return [mean for of in _person_means(observations).values() for mean in of.values()]
-
-
-def _confidence(values: Sequence[float]) -> float | None:
-    """Half of the 95 % interval of a mean."""
-    if len(values) < 2:
-        return None
-    return float(stats.t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / math.sqrt(len(values)))
 
 
 def _title(ax: Axes, letter: str, title: str) -> None:

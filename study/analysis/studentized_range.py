@@ -39,7 +39,7 @@ def upper_tail(q: float, groups: int, df: float) -> float:
         return float(_range_tail(np.array([q]), groups)[0])
     s, weights = _chi(df)
     near_zero = max(0.0, 1.0 - float(weights.sum())) if df < 1.0 else 0.0  # an s below `SMALLEST`: any range exceeds it
-    return float(min(1.0, weights @ _range_tail(q * s, groups) + near_zero))
+    return min(1.0, float(weights @ _range_tail(q * s, groups)) + near_zero)
 
 
 @lru_cache(maxsize=256)
@@ -47,12 +47,16 @@ def critical(level: float, groups: int, df: float) -> float:
     """The q with P(Q > q) = 1 - level."""
     if groups == 2:
         return math.sqrt(2.0) * float(special.stdtrit(df, 0.5 + level / 2.0))
+
+    def above(q: float) -> float:
+        return upper_tail(q, groups, df) - (1.0 - level)
+
     high = 8.0
-    while upper_tail(high, groups, df) > 1.0 - level:
+    while above(high) > 0.0:
         if high > FARTHEST:
             return math.inf
         high *= 2.0
-    return float(optimize.brentq(lambda q: upper_tail(q, groups, df) - (1.0 - level), 1e-6, high, xtol=1e-10))
+    return float(optimize.brentq(above, 1e-6, high, xtol=1e-10))
 
 
 @lru_cache(maxsize=256)

@@ -14,8 +14,9 @@ import pytest
 from study.analysis.analysis import Analysis, analyse, compare
 from study.analysis.dataset import load
 from study.analysis.effect_sizes import Interval, NotFitted
-from study.analysis.linear_model import RepeatedMeasures
+from study.analysis.linear_model import Anova, RepeatedMeasures
 from study.analysis.measures import TaskKind
+from study.analysis.mixed_model import MixedModel
 from study.analysis.observations import observations
 from study.export.export import write_tables
 from study.records import StudyError
@@ -56,13 +57,29 @@ def test_the_analysis_finds_the_differences_that_were_put_in(analysis: Analysis)
         assert isinstance(effect, Interval) and effect.value < 0
 
 
-def test_degrees_of_freedom_are_those_of_the_design(analysis: Analysis) -> None:
-    pickups, everything = (analysis.comparison("efficiency_ticks", kind) for kind in ("pickup", "all"))
-    assert pickups is not None and not isinstance(pickups.anova, NotFitted)
-    assert everything is not None and not isinstance(everything.anova, NotFitted)
-    # 54 pickups: 3 conditions, 2 more positions, 5 more objects. 108 tasks: 2 bins as well.
-    assert (pickups.anova.df_effect, pickups.anova.df_error) == (2, 54 - 3 - 2 - 5)
-    assert (everything.anova.df_effect, everything.anova.df_error) == (2, 108 - 3 - 2 - 7)
+def test_the_model_reported_is_the_papers_and_the_others_stand_beside_it(analysis: Analysis) -> None:
+    designs: tuple[tuple[TaskKind, int], ...] = (("pickup", 54 - 3 - 2 - 5), ("all", 108 - 3 - 2 - 7))
+    for kind, rest in designs:
+        ticks = analysis.comparison("efficiency_ticks", kind)
+        assert ticks is not None and isinstance(ticks.model, MixedModel) and ticks.beside is not None
+        assert [part.name for part in ticks.model.random] == ["position", "goal"]
+        # Fixed covariates: 3 conditions, 2 more positions, 5 more objects; in all tasks 2 bins as well.
+        assert isinstance(ticks.beside.fixed, Anova)
+        assert (ticks.beside.fixed.df_effect, ticks.beside.fixed.df_error) == (2, rest)
+        assert rest - 1e-6 <= ticks.model.anova.df_error <= rest + 2 + 5 + 2
+        person = ticks.beside.with_participant
+        assert isinstance(person, MixedModel)
+        assert {part.name: part.sd for part in person.random}["participant"] == pytest.approx(5.7, abs=4)  # -8 to 8
+        means = {of.condition: of.mean for of in person.anova.adjusted_means}
+        assert means["goal_oriented"] - means["teleoperation"] == pytest.approx(-20, abs=5)
+
+
+def test_fixed_covariates_can_be_asked_for(analysis: Analysis) -> None:
+    full = analysis.comparison("efficiency_ticks", "pickup")
+    assert full is not None and full.beside is not None
+    fixed = compare(full.observations, "efficiency_ticks", "pickup", analysis.data.conditions, covariates="fixed")
+    assert fixed.anova == full.beside.fixed
+    assert fixed.pairs != full.pairs
 
 
 def test_surveys_and_window_rate_are_compared_within_participants(analysis: Analysis) -> None:
@@ -76,14 +93,6 @@ def test_surveys_and_window_rate_are_compared_within_participants(analysis: Anal
         assert found is not None and isinstance(found.model, RepeatedMeasures)
         assert (found.model.anova.df_effect, found.model.anova.df_error) == (2, 10)  # F(2, 22) with twelve
         assert {pair.effect_name for pair in found.pairs} == {"d_z"}
-
-
-def test_the_mixed_model_stands_beside_the_anova(analysis: Analysis) -> None:
-    ticks = analysis.comparison("efficiency_ticks", "all")
-    assert ticks is not None and ticks.mixed is not None and not isinstance(ticks.mixed, NotFitted)
-    found = {condition: estimate.value for condition, estimate, _ in ticks.mixed.estimates}
-    assert found == pytest.approx({"goal_oriented": -20, "balanced": -10}, abs=4)
-    assert ticks.mixed.participant_sd == pytest.approx(5.7, abs=3)  # -8, -4, 0, 4, 8, -8 were put in
 
 
 def test_tasks_that_never_converge_are_left_out_and_the_rest_kept(analysis: Analysis) -> None:
@@ -104,12 +113,12 @@ def test_a_quick_comparison_has_the_same_p(analysis: Analysis) -> None:
     data = analysis.data
     quick = compare(
         observations(data.measures, "efficiency_ticks", "pickup"),
-        "efficiency_ticks", "pickup", data.conditions, mixed=False, intervals=False,
+        "efficiency_ticks", "pickup", data.conditions, beside=False, intervals=False,
     )  # fmt: skip
     assert full is not None
     assert quick.anova == full.anova
     assert [pair.p for pair in quick.pairs] == [pair.p for pair in full.pairs]
-    assert quick.mixed is None
+    assert quick.beside is None
 
 
 # ---- quality --------------------------------------------------------------------------------------------------------

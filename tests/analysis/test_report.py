@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from study.analysis.method_text import mean_sd, number, p_value
+from study.analysis.method_text import degrees, mean_sd, number, p_value
 from study.analysis.summaries import Summary
 from tests.support.analysis_samples import Wanted, data_set
 
@@ -104,7 +104,7 @@ def test_the_page_stands_alone(report: Path) -> None:
 def test_the_page_has_every_section(report: Path) -> None:
     page, text = read_page(report)
     assert page.headings[0] == "Moving objects with a robot arm: analysis"
-    for heading in ("Results", "Figures", "Pairwise comparisons", "Mixed models", "Tasks and windows", "Data quality"):
+    for heading in ("Results", "Figures", "Pairwise comparisons", "Models", "Tasks and windows", "Data quality"):
         assert heading in page.headings
     assert "6 participants, 18 completed trials, 108 tasks analysed" in text
     assert "nan" not in re.findall(r"\b\w+\b", text.lower())
@@ -141,9 +141,29 @@ def test_page_tables_and_json_agree(report: Path) -> None:
             found = content[row["condition"]]["tasks"][row["tasks"]]["efficiency_ticks"]
             assert float(row["mean"]) == found["mean"]
             assert f"{found['mean']:.1f} ({found['sd']:.1f}), {found['n']}" in text
-    for row in rows(report, "anova"):
-        assert f"F({row['df_effect']}, {row['df_error']}) = {float(row['F']):.2f}" in text
-    assert len(rows(report, "pairwise")) == 3 * len(rows(report, "anova"))
+    tested = rows(report, "anova")
+    for row in tested:
+        assert f"F({row['df_effect']}, {degrees(float(row['df_error']))}) = {float(row['F']):.2f}" in text
+    assert len(rows(report, "pairwise")) == 3 * sum(row["reported"] == "1" for row in tested)
+    assert {row["model"] for row in tested if row["reported"] == "1"} == {"random covariates", "repeated measures"}
+    for row in rows(report, "adjusted_means"):
+        if row["measure"] == "belief_gain" and row["reported"] == "1":
+            assert f"{number(float(row['adjusted_mean']), 4)} ({float(row['se']):.4f})" in text
+    listed = json.loads((report / "measures.json").read_text())["comparisons"]
+    assert sum(item["table"] == "adjusted_means" for item in listed) == 3 * 10
+
+
+def test_every_column_of_a_result_is_described(report: Path) -> None:
+    described = {(row["table"], row["column"]) for row in rows(report, "columns") if row["description"]}
+    for table in ("descriptives", "anova", "adjusted_means", "pairwise"):
+        assert {(table, column) for column in rows(report, table)[0]} <= described
+
+
+def test_the_page_says_which_model_is_the_papers(report: Path) -> None:
+    _, text = read_page(report)
+    assert "condition order and task goal as random covariates" in text
+    assert "fixed categories, which is not what the paper states" in text
+    assert "follow the paper" not in text
 
 
 def test_figures_and_tables_are_files_too(report: Path) -> None:
@@ -151,7 +171,7 @@ def test_figures_and_tables_are_files_too(report: Path) -> None:
     names = ("fig2_heatmaps", "fig3_objective_measures", "fig4_gain_by_goals", "fig5_surveys", "fig6_window_rate")
     assert figures == {f"{name}.{ending}" for name in names for ending in ("svg", "png")}
     tables = {path.stem for path in (report / "tables").iterdir()}
-    assert {"tasks", "windows", "window_rates", "survey_scores", "anova", "pairwise", "mixed_models"} <= tables
+    assert {"tasks", "windows", "window_rates", "survey_scores", "anova", "pairwise", "adjusted_means"} <= tables
 
 
 def test_an_earlier_report_is_replaced_by_the_same_bytes(export: Path, report: Path) -> None:

@@ -22,7 +22,6 @@ from study.analysis.linear_model import (
     slope,
     tukey,
 )
-from study.analysis.mixed_model import MixedModel, _Groups, mixed_model
 
 # Dobson, "An Introduction to Statistical Modelling" (1983), plant weights; R ships it as PlantGrowth.
 PLANTS = {
@@ -158,20 +157,6 @@ def test_a_spherical_table_needs_no_correction() -> None:
     assert greenhouse_geisser(DRUGS) == pytest.approx(0.6049, abs=5e-5)
 
 
-def test_mixed_model_of_the_stools() -> None:
-    """Pinheiro & Bates sec. 1.2.1: lme, REML."""
-    model = mixed_model(*stools())
-    assert isinstance(model, MixedModel)
-    found = {name: estimate.value for name, estimate, _ in model.estimates}
-    assert found == pytest.approx({"T2": 3.888889, "T3": 2.222222, "T4": 0.666667}, abs=1e-5)
-    interval = model.estimates[0][1]
-    assert (interval.high - interval.value) / 1.959964 == pytest.approx(0.5186838, abs=1e-4)
-    assert model.participant_sd == pytest.approx(1.332465, abs=1e-3)
-    assert model.residual_sd == pytest.approx(1.100295, abs=1e-4)
-    assert model.chi_squared / model.df == pytest.approx(22.3556, rel=1e-3)
-    assert model.note is None
-
-
 @pytest.mark.parametrize(
     ("f", "df_effect", "df_error", "low", "high"),
     [
@@ -248,9 +233,7 @@ def test_what_cannot_be_fitted_says_why(
     assert reason in model.reason
 
 
-def test_mixed_model_and_repeated_measures_say_why_not() -> None:
-    two = mixed_model([1.0, 2.0, 3.0, 5.0], ["a", "b", "a", "b"], ["x", "x", "y", "y"])
-    assert isinstance(two, NotFitted) and "fewer than 3" in two.reason
+def test_repeated_measures_say_why_not() -> None:
     one = repeated_measures([1.0, 2.0, 3.0], ["a", "b", "a"], ["x", "x", "y"])
     assert isinstance(one, NotFitted) and "with a value for every condition: 1" in one.reason
     twice = repeated_measures([1.0, 2.0], ["a", "a"], ["x", "x"])
@@ -258,25 +241,6 @@ def test_mixed_model_and_repeated_measures_say_why_not() -> None:
     assert isinstance(hedges_g([1.0], [2.0, 3.0]), NotFitted)
     assert isinstance(d_within([1.0, 2.0], [0.0, 1.0]), NotFitted)
     assert brown_forsythe([1.0, 2.0], ["a", "b"]) is None
-
-
-def test_a_mixed_model_near_the_boundary_is_fitted_all_the_same() -> None:
-    """Ours for the boundary gives the library's numbers where the library converges."""
-    values, kinds, people = stools()
-    design = np.column_stack([np.ones(36), *[[kind == level for kind in kinds] for level in ("T2", "T3", "T4")]])
-    found = _Groups(np.array(values, dtype=float), design.astype(float), people).best_fit()
-    assert found.effects[1:] == pytest.approx([3.888889, 2.222222, 0.666667], abs=1e-6)
-    assert (found.participant_sd, found.residual_sd) == pytest.approx((1.332465, 1.100295), abs=1e-5)
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx([0.5760123] + [0.5186838] * 3, abs=1e-5)
-
-
-def test_participants_who_do_not_differ_are_reported() -> None:
-    rng = np.random.default_rng(5)
-    kinds, people = ["a", "b", "c"] * 40, [str(index // 12) for index in range(120)]
-    values = np.tile(rng.normal(size=12), 10).tolist()  # every participant has the same twelve values
-    model = mixed_model(values, kinds, people)
-    assert isinstance(model, MixedModel)
-    assert model.note is not None and "estimated as 0" in model.note
 
 
 def test_the_slope_of_a_line_with_known_noise() -> None:

@@ -84,7 +84,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "pyarrow": ("study.export.data_package",),
     "babel": ("study.language", "app.texts"),
     "matplotlib": ("study.analysis.figures", "app.report.layout_picture"),
-    "statsmodels": ("study.analysis.linear_model", "study.analysis.mixed_model", "study.analysis.hazard_model"),
+    "statsmodels": ("study.analysis.linear_model", "study.analysis.hazard_model"),
 }
 """Outside library to the rooms or modules that may import it."""
 

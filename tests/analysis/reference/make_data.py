@@ -83,7 +83,7 @@ def cases(report: Path) -> dict[str, list[Row]]:
             3, 9, keep=lambda row, chance: row[1] == big or chance < (0.5 if row[1] == small else 0.1)
         ),
         "singular_position": made(22, sds=(0.0, 0.8, 0.5)),
-        "singular_both": made(26, sds=(0.0, 0.0, 0.0)),
+        "singular_all": made(27, sds=(0.0, 0.0, 0.0)),
         "missing_cell": made(6, keep=lambda row, chance: not (row[1] == small and row[3] in ("goal0", "goal1"))),
         "missing_condition": made(7, keep=lambda row, chance: row[1] != small),
         "one_level_position": [(v, c, 1, g, p) for v, c, _, g, p in made(8)],
@@ -93,7 +93,7 @@ def cases(report: Path) -> dict[str, list[Row]]:
         "thousandths": made(12, scale=0.001, level=0.0),
         "far_from_zero": made(13, level=1e6),
         "strong_goals": made(14, sds=(3.0, 20.0, 0.2), keep=lambda row, chance: chance < 0.85),
-        "skewed": [(round(float(np.exp(v - 9.0)), 6), *of) for v, *of in made(15)],
+        "skewed": [(round(float(np.exp(v - 9.0)), 6), c, place, g, p) for v, c, place, g, p in made(15)],
         "four_conditions": made(16, people=6)
         + [(v + 0.5, "fourth", place, g, p) for v, c, place, g, p in made(17) if c == big],
     }
