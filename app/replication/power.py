@@ -144,7 +144,7 @@ def write(result: Power, out_dir: Path) -> None:
     text = (
         "# Chance of the paper's significant differences\n\n"
         f"{result.draws} studies of every size drawn from {result.people} simulated people; significant at .05 in the "
-        "paper's direction (Tukey's HSD after the paper's ANOVA). The people are a model: these chances are only as "
+        "paper's direction (Tukey after the paper's mixed model). The people are a model: these chances are only as "
         "good as it is, and belong to its layout, its robot and its numbers.\n\n"
         f"```\n{table(result)}\n```\n\n![curves](power.svg)\n"
     )

@@ -50,7 +50,7 @@ def table(result: Replication) -> str:
 
 _SIGN, _SIGNIFICANT = f"{SIGN_AIM:.0%}", f"{SIGNIFICANT_AIM:.0%}"
 LEGEND = f"""\
-sign: share of studies with the sign of the paper's means. p<.05: Tukey's HSD after the paper's ANOVA, in the paper's
+sign: share of studies with the sign of the paper's means. p<.05: Tukey after the paper's mixed model, in the paper's
 direction; where the paper found no difference, in any. none: the study's difference is smaller than the margin.
 shown: the study shows that it is (two one-sided tests). (ceil.): the same share with the paper's own means, SDs and
 numbers of values exactly true, plain Tukey. Aim, where the paper found a difference: sign in {_SIGN} and significance
