@@ -42,8 +42,12 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 """`replan`: the authors' arm stopped and planned anew at each change of direction, so that one costs most of a tick.
 `mix`: the model of the paper's formula with the lab's defaults."""
 
-ALWAYS: Changes = {"distractor": {"placement": "second_device"}, "arbiter": {"stickiness": 0.003}}
-"""As in the paper: the readings are two metres away."""
+ALWAYS: Changes = {
+    "": {"layout": "crescent"},
+    "distractor": {"placement": "second_device"},
+    "arbiter": {"stickiness": 0.003},
+}
+"""As in the paper: the readings are two metres away. The layout is the one in which nobody gets lost."""
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,8 @@ ASIDE_M = 0.25
 BIN_TOLERANCE_M = 0.05
 CARRY_TOLERANCE_M = 0.02
 LIFT_MARGIN_M = 0.015
+MOST_TRIES = 3
+"""So often in one task somebody backs out because it does not look right."""
 TOO_HIGH_M = 0.05
 """Higher than this above where things are carried, the arm folds too far to come back over the bins."""
 _AXES = (0, 1, 2)
@@ -109,6 +111,7 @@ class Driver:
         self._depth_error_m = 0.0
         self._highest = False
         self._mixed_up = 0
+        self._tries_left = 0
         self._back_m: Point | None = None
         """Where one goes back to, to come again."""
         self._rng = rng
@@ -169,7 +172,7 @@ class Driver:
         self._tick += 1
         if state is not self._state:
             self._state, self._traits, self._mixed_up = state, state.traits, state.mixed_up
-            self._depth_error_m, self._highest = state.depth_error_m, False
+            self._depth_error_m, self._highest, self._tries_left = state.depth_error_m, False, MOST_TRIES
 
     def _seen(self, sight: Sight) -> Sight:
         """What one who is mixed up takes the aim to be: the same on the other side."""
@@ -243,7 +246,8 @@ class Driver:
         if drifts:
             self._checks_left = 0  # now or never
         elif self._checks_left is None:
-            if self._tries.random() < self._traits.second_try:
+            if self._tries_left and self._tries.random() < self._traits.second_try:
+                self._tries_left -= 1
                 self._back_m = self._withdrawn(sight)
                 return self._decide(object_id, sight, drifts)
             self._checks_left = int(self._rng.poisson(self._traits.checks))

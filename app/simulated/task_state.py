@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from app.simulated.traits import Device, Traits
+from app.simulated.traits import TRAITS, Device, Traits
 from sim.interface import TICK_S
 
 MIDDLE_TASK = 12
@@ -27,6 +27,10 @@ RESTED_MIN = 3.5
 """Minutes into a trial at which tiredness counts as 1: the middle of the paper's trials of about seven minutes."""
 NOTICED_AFTER = 8
 """Presses, on average, until somebody who is mixed up sees it. Assumed: four seconds."""
+
+MOST_CHECKING_TICKS = 20
+"""So long, on average, somebody looks again before using the gripper. A reading comes every 40 ticks, after which one
+looks again from the beginning: who took longer would never come to an end."""
 
 
 @dataclass(frozen=True)
@@ -100,19 +104,25 @@ def tired(fatigue: float, minutes: float) -> float:
 
 
 def slowed(traits: Traits, pace: float, errors: float) -> Traits:
-    """Those traits with pauses, looks and checks times `pace` and errors times `errors`."""
+    """Those traits with pauses, looks, checks and second tries times `pace` and errors times `errors`, in
+    bounds."""
     if pace == 1.0 and errors == 1.0:
         return traits
+
+    def at_most(name: str, value: float) -> float:
+        return min(value, TRAITS[name].high)
+
+    fine_pause = at_most("fine_pause", 1.0 + (traits.fine_pause - 1.0) * pace)
     return replace(
         traits,
-        look=min(traits.look * pace, 0.9),
-        pause=1.0 + (traits.pause - 1.0) * pace,
-        fine_pause=1.0 + (traits.fine_pause - 1.0) * pace,
-        checks=traits.checks * pace,
-        second_try=min(traits.second_try * pace, 0.9),
-        slip=min(traits.slip * errors, 0.9),
-        overshoot=min(traits.overshoot * errors, 0.95),
-        eye_error=traits.eye_error * errors,
+        look=at_most("look", traits.look * pace),
+        pause=at_most("pause", 1.0 + (traits.pause - 1.0) * pace),
+        fine_pause=fine_pause,
+        checks=min(at_most("checks", traits.checks * pace), MOST_CHECKING_TICKS / fine_pause),
+        second_try=at_most("second_try", traits.second_try * pace),
+        slip=at_most("slip", traits.slip * errors),
+        overshoot=at_most("overshoot", traits.overshoot * errors),
+        eye_error=at_most("eye_error", traits.eye_error * errors),
     )
 
 

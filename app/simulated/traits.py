@@ -96,7 +96,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
             off=0.0,
         ),
         "second_try": Spread(
-            *(0.30, 0.3, 0.0, 0.9, True),
+            *(0.15, 0.3, 0.0, 0.6, True),
             "chance, on arriving, that it does not look right: one backs out and comes again",
             "assumed; what makes one person's tasks differ as much as the paper's do",
             off=0.0,
