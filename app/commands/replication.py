@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from app.commands import options
 from app.commands.groups import SIMULATE_AND_ANALYSE
 from app.commands.options import SeveralValues, choice, file, folder, number, registered
 from app.simulated.presets import PRESET_NAMES
@@ -48,7 +49,9 @@ def replicate(
     workers: Annotated[int, number("processes; the results are the same for any number")] = 1,
     robot: Annotated[str, registered(ROBOTS, "which robot moves")] = "kinematic",
     preset: Annotated[str, choice(PRESET_NAMES, "which study of ours")] = "shipped",
-    vary: Annotated[int, number("studies run again for each thing varied; 0 = none")] = 5,
+    study: Annotated[Path | None, file("study file with the paper's three conditions, to the preset's numbers")] = None,
+    trust: Annotated[bool, options.trust()] = False,
+    vary: Annotated[int, number("studies run again for each thing varied; 0 = none, and no reasons for misses")] = 5,
     out: Annotated[Path | None, folder("folder for the report and for going on later")] = None,
 ) -> None:
     """Run the paper's comparisons in many simulated studies.
@@ -60,7 +63,7 @@ def replicate(
     from app.replication.text import on_screen
     from app.simulated.study import make_plan
 
-    plan = make_plan(seed, robot, preset)
+    plan = make_plan(seed, robot, preset, study, trust)
     result = replicate(plan, preset, studies, participants, workers, vary, out)
     print(on_screen(result))
     if out is not None:

@@ -17,7 +17,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from app.replication.comparisons import ALPHA, SIGN_AIM, SIGNIFICANT_AIM, Joint, Share
 from app.replication.formats import MEASURE_NAMES, columns, percent
@@ -32,6 +31,7 @@ from app.replication.paper import (
     Tested,
     reported,
 )
+from study.analysis.studentized_range import critical
 
 DRAWS = 8_000
 SEED = 11
@@ -97,7 +97,7 @@ class Ceiling:
 
 @lru_cache(maxsize=2)
 def ceiling(draws: int = DRAWS, seed: int = SEED) -> Ceiling:
-    """Drawn once a process; two seconds, most of them for the critical values."""
+    """Drawn once a process."""
     rng = np.random.default_rng(seed)
     rows: dict[Claim, CeilingRow] = {}
     signs: dict[Claim, npt.NDArray[np.bool_]] = {}
@@ -141,7 +141,7 @@ def implied_f(tested: Tested) -> float:
 @lru_cache(maxsize=64)
 def critical_range(df_error: int) -> float:
     """The studentised range of three means that 5 % exceed."""
-    return float(stats.studentized_range.ppf(1.0 - ALPHA, len(CONDITIONS_IN_ORDER), df_error))
+    return critical(1.0 - ALPHA, len(CONDITIONS_IN_ORDER), df_error)
 
 
 def _of(by_condition: Mapping[str, float]) -> Draws:

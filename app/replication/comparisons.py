@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -22,11 +22,15 @@ SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80
 @dataclass(frozen=True)
 class Contrast:
     """One comparison in one study: the adjusted difference, Tukey's p, and whether it was shown to be within the
-    margin (two one-sided tests at .05). None = nothing to compare."""
+    margin (two one-sided tests at .05)."""
 
     difference: float
     p: float
     equivalent: bool
+
+
+Compared = Mapping[Claim, "Contrast | NotFitted"]
+"""One study's comparisons, or why one could not be made."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class Share:
     """The difference itself is smaller than the margin."""
     equivalent: float
     """And the study shows it to be."""
+    untested: tuple[str, ...] = ()
+    """Why it could not be made, for each study in which it could not."""
 
     @property
     def mean(self) -> float:
@@ -85,6 +91,11 @@ class Means:
     sd: float
 
     @property
+    def known(self) -> bool:
+        """Whether there were any values."""
+        return self.mean == self.mean
+
+    @property
     def off(self) -> float:
         """How far ours is from the paper's mean, as a share of it."""
         return self.mean / self.paper_mean - 1.0
@@ -116,15 +127,14 @@ def middle(values: Sequence[float]) -> tuple[float, float]:
 
 def compared(
     values: Values, claims: Sequence[Claim] = CLAIMS, *, covariates: Covariates = "random"
-) -> dict[Claim, Contrast]:
+) -> dict[Claim, Contrast | NotFitted]:
     """Every comparison in one study, with position and goal as random covariates as the paper states, or as fixed."""
-    found: dict[Claim, Contrast] = {}
+    found: dict[Claim, Contrast | NotFitted] = {}
     for key in dict.fromkeys((claim.measure, claim.kind) for claim in claims):
-        if not values.observations.get(key):
-            continue
         measure, kind = key
+        own = [claim for claim in claims if (claim.measure, claim.kind) == key]
         result = compare(
-            values.observations[key],
+            values.observations.get(key, ()),
             measure,
             None if measure in SURVEYS else kind,
             CONDITIONS_IN_ORDER,
@@ -134,16 +144,24 @@ def compared(
         )
         model = result.anova
         if not isinstance(model, Anova):
+            found.update(dict.fromkeys(own, model))
             continue
-        for claim in claims:
-            if (claim.measure, claim.kind) != key:
+        for claim in own:
+            pair = next(
+                (pair for pair in result.pairs if {pair.first, pair.second} == {claim.first, claim.second}), None
+            )
+            if pair is None:
+                absent = " and ".join(name for name in (claim.first, claim.second) if name not in model.conditions)
+                found[claim] = NotFitted(f"there are no values under {absent}")
                 continue
-            for pair in result.pairs:
-                if {pair.first, pair.second} == {claim.first, claim.second}:
-                    turned = 1.0 if pair.first == claim.first else -1.0
-                    difference = turned * pair.difference.value
-                    found[claim] = Contrast(difference, pair.p, _equivalent(claim, model, difference))
+            difference = (1.0 if pair.first == claim.first else -1.0) * pair.difference.value
+            found[claim] = Contrast(difference, pair.p, _equivalent(claim, model, difference))
     return found
+
+
+def contrasts(study: Compared) -> dict[Claim, Contrast]:
+    """The comparisons that could be made."""
+    return {claim: item for claim, item in study.items() if isinstance(item, Contrast)}
 
 
 def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
@@ -155,17 +173,25 @@ def _equivalent(claim: Claim, model: Anova, difference: float) -> bool:
     return abs(difference) + reach < claim.margin
 
 
-def shares(tested: Sequence[Mapping[Claim, Contrast]], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
+def shares(tested: Sequence[Compared], claims: Sequence[Claim] = CLAIMS) -> tuple[Share, ...]:
     """All studies together; a study in which a comparison could not be made counts against it."""
-    return tuple(_share(claim, [study[claim] for study in tested if claim in study], len(tested)) for claim in claims)
+    made = [contrasts(study) for study in tested]
+    return tuple(
+        replace(
+            _share(claim, [study[claim] for study in made if claim in study], len(tested)),
+            untested=tuple(item.reason for study in tested if isinstance(item := study.get(claim), NotFitted)),
+        )
+        for claim in claims
+    )
 
 
-def joint(tested: Sequence[Mapping[Claim, Contrast]], claims: Sequence[Claim] = DIFFERENCES) -> Joint:
+def joint(tested: Sequence[Compared], claims: Sequence[Claim] = DIFFERENCES) -> Joint:
     """How many studies show all of these differences; one that could not be tested is none."""
-    signs = [[claim in study and study[claim].difference * claim.sign > 0.0 for claim in claims] for study in tested]
+    made = [contrasts(study) for study in tested]
+    signs = [[claim in study and study[claim].difference * claim.sign > 0.0 for claim in claims] for study in made]
     significant = [
         [sign and study[claim].p < ALPHA for claim, sign in zip(claims, of, strict=True)]
-        for study, of in zip(tested, signs, strict=True)
+        for study, of in zip(made, signs, strict=True)
     ]
     return Joint(
         comparisons=len(claims),

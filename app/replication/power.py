@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from app.errors import LabError
-from app.replication.comparisons import ALPHA, compared
+from app.replication.comparisons import ALPHA, compared, contrasts
 from app.replication.formats import name_of
 from app.replication.paper import CIRCULAR, CLAIMS, Claim
 from app.replication.studies import Person, Pool, Values
@@ -101,7 +101,7 @@ def _draw(pool: Pool, claims: tuple[Claim, ...], seed: int, job: tuple[int, int]
     """One study of that size, tested."""
     size, draw = job
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(size, draw)))
-    found = compared(pool.values(choose_people(pool.people, size, rng)), claims)
+    found = contrasts(compared(pool.values(choose_people(pool.people, size, rng)), claims))
     return {
         claim: claim in found and found[claim].p < ALPHA and found[claim].difference * claim.sign > 0.0
         for claim in claims

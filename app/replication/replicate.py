@@ -1,8 +1,8 @@
-"""`salab replicate`: many simulated studies with the fitted numbers, each analysed as the paper analysed its own, and a
-report that puts the paper's numbers beside ours and says what moves them.
+"""`salab replicate`: many simulated studies, each analysed as the paper analysed its own, and a report that puts the
+paper's numbers beside ours, says what moves them, and why a comparison misses its aim.
 
-Left in the folder: `replication.md` (the report), `comparisons.csv`, `means.csv`, `varied.csv`, and the studies' values
-in `studies/` and `varied/`, from which an interrupted run goes on and which `salab power` reads.
+Left in the folder: `replication.md` (the report), tables that `columns.csv` describes, and the studies' values in
+`studies/` and `varied/`, from which an interrupted run goes on and which `salab power` reads.
 """
 
 from __future__ import annotations
@@ -13,15 +13,33 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import LabError
-from app.replication.comparisons import GoalGain, Joint, Means, Share, compared, goal_gains, joint, means, shares
+from app.replication.comparisons import (
+    Compared,
+    GoalGain,
+    Joint,
+    Means,
+    Share,
+    compared,
+    goal_gains,
+    joint,
+    means,
+    shares,
+)
 from app.replication.long_tasks import Lengths, summed_up
-from app.replication.paper import Claim
+from app.replication.paper import CONDITIONS_IN_ORDER
+from app.replication.reasons import Experiment
+from app.replication.reasons import experiments as reanalysed
 from app.replication.studies import MAX_STUDIES, Values, run_studies
+from app.simulated.progress import progress
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
 from app.simulated.traits import TRAITS, Population
 from app.simulated.variants import Changes, changed_study
 from app.trial.setup import StudySetup
 from app.trial.world import parse_text
+
+ALPHA_REASON, PEOPLE_REASON = "weight of information, alpha", "differences between people"
+STUDIES_FOR_REASONS = 20
+"""Where anything is varied, what tells of a reason for a miss is run this often, or as often as there are studies."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +52,8 @@ class Variation:
     means: Mapping[str, float]
     spread_scale: float = 1.0
     alpha_factor: float | None = None
+    reason: str | None = None
+    """The reason for a miss that it tells of. Such a variation runs more studies, so that it can."""
 
 
 def variations(plan: Plan) -> tuple[Variation, ...]:
@@ -60,8 +80,8 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
         study("delay + 0.15", "planning delay", "arbiter", "planning_delay", min(arbiter.planning_delay + 0.15, 0.95)),
         study(f"transition {other}", "the other transition model", "arbiter", "transition", other),
         study("stickiness 0", "nothing against dithering", "arbiter", "stickiness", 0.0),
-        Variation("alpha / 3", "information counts a third", {}, {}, alpha_factor=1.0 / 3.0),
-        Variation("alpha x 3", "information counts three times", {}, {}, alpha_factor=3.0),
+        Variation("alpha / 3", "information counts a third", {}, {}, alpha_factor=1.0 / 3.0, reason=ALPHA_REASON),
+        Variation("alpha x 3", "information counts three times", {}, {}, alpha_factor=3.0, reason=ALPHA_REASON),
         study("layout rows", "the other layout", "", "layout", "rows"),
         study("speed x 1.5", "robot speed", "robot", "speed_m_s", min(robot.speed_m_s * 1.5, 0.1)),
         people("away 3.5 s", "shorter readings", away_s=3.5),
@@ -83,7 +103,7 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
         ),
         people("one axis", "never two axes at once", two_axes=0.0),
         people("two axes", "mostly two axes at once", two_axes=0.7),
-        Variation("equal people", "no differences between people", {}, {}, spread_scale=0.0),
+        Variation("equal people", "no differences between people", {}, {}, spread_scale=0.0, reason=PEOPLE_REASON),
     )
 
 
@@ -107,6 +127,16 @@ def calibrated_alpha(setup: StudySetup) -> float:
 
 
 @dataclass(frozen=True)
+class Varied:
+    """One thing changed, in the first so many studies, held against the same studies unchanged."""
+
+    variation: Variation
+    studies: int
+    before: tuple[Share, ...]
+    after: tuple[Share, ...]
+
+
+@dataclass(frozen=True)
 class Replication:
     """Everything the report is made of."""
 
@@ -121,9 +151,9 @@ class Replication:
     """The paper's thirteen differences at once."""
     lengths: tuple[Lengths, ...]
     """How long tasks take without time limits."""
-    varied: tuple[tuple[Variation, tuple[Share, ...]], ...] = ()
-    unvaried: tuple[Share, ...] = ()
-    """The first studies with nothing changed: as many as each variation ran, of the same people."""
+    varied: tuple[Varied, ...] = ()
+    experiments: tuple[Experiment, ...] = ()
+    """For the comparisons that miss their aim: what they are missed for."""
     vary: int = 0
 
 
@@ -144,15 +174,13 @@ def replicate(
         raise LabError("participants is 1; comparing conditions within people takes at least 2")
     if not 0 <= vary <= studies:
         raise LabError(f"vary is {vary}; it must be from 0 (vary nothing) to {studies}, the number of studies")
+    check_conditions(plan)
     check_place(out_dir)
     folder = out_dir / "studies" if out_dir else None
     values = run_studies(plan, studies, participants, workers, folder)
     base = compare_all(values, workers)
-    rows = []
-    for variation in variations(plan) if vary else ():
-        place = out_dir / "varied" / _slug(variation.name) if out_dir else None
-        changed = run_studies(varied(plan, variation), vary, participants, workers, place, f"studies, {variation.name}")
-        rows.append((variation, shares(compare_all(changed, workers))))
+    rows = vary_each(plan, base, vary, participants, workers, out_dir)
+    experiments = reanalysed(values, shares(base), workers) if vary else ()
     return Replication(
         plan=plan,
         preset=preset,
@@ -163,21 +191,65 @@ def replicate(
         goals=goal_gains(values),
         joint=joint(base),
         lengths=summed_up([task for study in values for task in study.lengths]),
-        varied=tuple(rows),
-        unvaried=shares(base[:vary]) if vary else (),
-        vary=min(vary, studies),
+        varied=rows,
+        experiments=(*experiments, *(as_experiment(item) for item in rows if item.variation.reason)),
+        vary=vary,
     )
 
 
-def compare_all(values: Sequence[Values], workers: int) -> list[dict[Claim, Any]]:
+def vary_each(
+    plan: Plan,
+    base: Sequence[Compared],
+    vary: int,
+    participants: int,
+    workers: int,
+    out_dir: Path | None,
+) -> tuple[Varied, ...]:
+    """Every variation, in the first studies; none if `vary` is 0."""
+    if not vary:
+        return ()
+    todo = [(one, studies_of(one, vary, len(base))) for one in variations(plan)]
+    rows = []
+    with progress(f"studies of {len(todo)} variations", sum(count for _, count in todo)) as bar:
+        for variation, count in todo:
+            place = out_dir / "varied" / _slug(variation.name) if out_dir else None
+            changed = run_studies(varied(plan, variation), count, participants, workers, place, bar=bar)
+            after = shares(compare_all(changed, workers))
+            rows.append(Varied(variation, count, shares(base[:count]), after))
+    return tuple(rows)
+
+
+def studies_of(variation: Variation, vary: int, studies: int) -> int:
+    """How many studies a variation is run in."""
+    return min(max(vary, STUDIES_FOR_REASONS), studies) if variation.reason else vary
+
+
+def as_experiment(item: Varied) -> Experiment:
+    """A variation as an experiment on what was missed."""
+    reason = item.variation.reason or item.variation.about
+    return Experiment(item.variation.name, reason, item.studies, item.before, item.after, simulated=True)
+
+
+def compare_all(values: Sequence[Values], workers: int) -> list[Compared]:
     """Every study's comparisons."""
     jobs = list(enumerate(values))
     found = {job[0]: result for job, result in run_jobs(_compared, jobs, min(workers, 1 + len(values) // 50))}
     return [found[number] for number in sorted(found)]
 
 
-def _compared(job: tuple[int, Values]) -> dict[Claim, Any]:
+def _compared(job: tuple[int, Values]) -> Compared:
     return compared(job[1])
+
+
+def check_conditions(plan: Plan) -> None:
+    """Raises `LabError` for a study without the paper's three conditions: nothing of it could be compared."""
+    found = [condition.id for condition in setup_of(plan.study_text, plan.trust).study.conditions]
+    absent = [name for name in CONDITIONS_IN_ORDER if name not in found]
+    if absent:
+        raise LabError(
+            f"the study has no condition {' and none '.join(absent)}; the paper's comparisons are between "
+            f"{', '.join(CONDITIONS_IN_ORDER)}, by these ids"
+        )
 
 
 def check_place(out_dir: Path | None) -> None:

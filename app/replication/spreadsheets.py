@@ -12,6 +12,7 @@ from app.replication import long_tasks
 from app.replication.ceiling import Ceiling, ceiling, numbers_of
 from app.replication.comparisons import Means, Share
 from app.replication.formats import write_csv
+from app.replication.reasons import missed
 from app.replication.replicate import Replication
 from app.replication.text import report
 
@@ -72,12 +73,20 @@ TABLES: Mapping[str, Mapping[str, str]] = {
     "joint.csv": _JOINT,
     "implied_f.csv": _CEILING,
     "lengths.csv": long_tasks.COLUMNS,
-    "varied.csv": {"varied": "what was changed", **_SHARE},
+    "varied.csv": {"varied": "what was changed", "studies": "in how many studies", **_SHARE},
+    "reasons.csv": {
+        "experiment": "what was changed, for the comparisons that miss their aim",
+        "reason": "the reason for a miss that it speaks for",
+        "studies": "in how many studies",
+        "simulated": "1 = simulated anew, 0 = the same studies with their values changed or analysed otherwise",
+        **_SHARE,
+    },
 }
 
 
 def write(result: Replication, out_dir: Path) -> None:
     """The report and its tables. Raises `LabError` when they cannot be written."""
+    off = {share.claim for share in missed(result.shares)}
     rows: dict[str, Sequence[Sequence[Any]]] = {
         "comparisons.csv": [_share_row(item) for item in result.shares],
         "means.csv": [_means_row(item) for item in result.means],
@@ -86,7 +95,15 @@ def write(result: Replication, out_dir: Path) -> None:
         ],
         "implied_f.csv": _implied_rows(ceiling()),
         "lengths.csv": [_by_name(item, long_tasks.COLUMNS) for item in result.lengths],
-        "varied.csv": [[variation.name, *_share_row(item)] for variation, of in result.varied for item in of],
+        "varied.csv": [
+            [one.variation.name, one.studies, *_share_row(item)] for one in result.varied for item in one.after
+        ],
+        "reasons.csv": [
+            [one.name, one.reason, one.studies, int(one.simulated), *_share_row(share)]
+            for one in result.experiments
+            for share in one.after
+            if share.claim in off
+        ],
     }
     described = [(name, column, about) for name, of in TABLES.items() for column, about in of.items()]
     try:

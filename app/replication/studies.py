@@ -12,6 +12,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from app.errors import LabError
 from app.replication.long_tasks import TaskLength, lengths_of_person
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
-from app.simulated.progress import progress
+from app.simulated.progress import Bar, progress
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
 from study.analysis.measures import measure
@@ -171,20 +172,23 @@ class Archive:
 
 
 def run_studies(
-    plan: Plan, studies: int, participants: int, workers: int, folder: Path | None, what: str = "studies"
+    plan: Plan, studies: int, participants: int, workers: int, folder: Path | None, bar: Bar | None = None
 ) -> list[Values]:
-    """The values of every study, in order; those on disk are not run again."""
+    """The values of every study, in order; those on disk are not run again. Progress goes to `bar`, or a bar of its
+    own."""
     check_count("studies", studies, MAX_STUDIES)
     archive = Archive(folder, {**plan.settings(), "participants": participants, "values_version": VALUES_VERSION})
     archive.open()
     done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
     missing = [study for study in range(studies) if study not in done]
+    if bar is not None:
+        bar.update(len(done))
     if missing:
-        with progress(what, studies, len(done)) as bar:
+        with nullcontext(bar) if bar is not None else progress("studies", studies, len(done)) as shown:
             for study, values in run_jobs(partial(run_study, plan, participants), missing, workers):
                 archive.save(study, values)
                 done[study] = values
-                bar.update()
+                shown.update()
     return [done[study] for study in range(studies)]
 
 

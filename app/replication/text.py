@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping
+from itertools import pairwise
 
 from app.replication import long_tasks
 from app.replication.ceiling import IMPLIED_LEGEND, ceiling, implied_table
 from app.replication.ceiling import LEGEND as CEILING_LEGEND
-from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM, Share
+from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM
 from app.replication.formats import CONDITION_NAMES, MEASURE_NAMES, code, columns, name_of, number, percent
-from app.replication.paper import CIRCULAR, TELEOPERATION, UNCERTAIN_WINDOWS, Claim
-from app.replication.replicate import Replication, Variation, calibrated_alpha
+from app.replication.paper import BALANCED, CIRCULAR, GOAL_ORIENTED, TELEOPERATION, UNCERTAIN_WINDOWS
+from app.replication.replicate import Replication, calibrated_alpha
 from app.replication.rule import fitted_sentence, hash_line, rule, seed_sentence
 from app.replication.rule import table as open_values
+from app.replication.varied_text import reasons_section, varied_section
 from app.simulated.study import setup_of
 from app.simulated.traits import TRAITS
 from app.simulated.variants import fitted
-
-MOVED = 0.15
-"""A variation is said to move a comparison when a share changes by more than this and twice its standard error."""
 
 
 def table(result: Replication) -> str:
@@ -35,7 +35,9 @@ def table(result: Replication) -> str:
             (
                 name_of(claim),
                 f"{number(claim.paper_difference, claim.measure)} {'n.s.' if same else '*   '}",
-                f"{number(item.mean, claim.measure)} [{number(low, claim.measure)}, {number(high, claim.measure)}]",
+                f"{number(item.mean, claim.measure)} [{number(low, claim.measure)}, {number(high, claim.measure)}]"
+                if item.differences
+                else "not tested",
                 percent(item.same_sign),
                 f"({percent(bound.same_sign)})" if claim.sign else "",
                 percent(item.significant),
@@ -62,7 +64,24 @@ def on_screen(result: Replication) -> str:
     """What the command prints."""
     lengths = f"{long_tasks.table(result.lengths)}\n\n{long_tasks.sentence(result.lengths)}"
     header = f"{hash_line()}\n{seed_sentence(result.plan.seed)}"
-    return f"{header}\n\n{table(result)}\n\n{LEGEND}\n\n{joint_sentence(result)}\n\nWithout time limits:\n{lengths}"
+    lacking = untested(result)
+    compared = f"{table(result)}\n\n{lacking}" if lacking else table(result)
+    return f"{header}\n\n{compared}\n\n{LEGEND}\n\n{joint_sentence(result)}\n\nWithout time limits:\n{lengths}"
+
+
+def untested(result: Replication) -> str:
+    """Which comparisons could not be made in some studies, and why, a sentence each; empty = all were made."""
+    lines = []
+    for item in result.shares:
+        if item.untested:
+            reasons = Counter(item.untested).most_common(2)
+            why = "; ".join(reason for reason, _ in reasons)
+            more = "; and others" if len(set(item.untested)) > len(reasons) else ""
+            lines.append(
+                f"- {name_of(item.claim)} could not be tested in {len(item.untested)} of {len(result.studies)} "
+                f"studies, which count against it: {why}{more}."
+            )
+    return "\n".join(lines)
 
 
 def report(result: Replication) -> str:
@@ -81,6 +100,7 @@ def report(result: Replication) -> str:
         rule().blind,
         "## Comparisons",
         code(table(result)),
+        *([untested(result)] if untested(result) else []),
         LEGEND,
         _verdict(result),
         CEILING_LEGEND,
@@ -97,15 +117,15 @@ def report(result: Replication) -> str:
         "Ours is the mean over studies with the middle 95 %, and the mean SD within a study.",
         "## Belief gain by number of goals (the paper's Fig. 4)",
         code(_goals_table(result)),
-        "The paper's trend is upward for balanced and downward for goal-oriented (untested there). Dropoffs have two "
-        "goals, pickups four to six, so a trend can be pickups against dropoffs.",
+        goals_sentence(result),
         "## How long tasks take without time limits",
         code(long_tasks.table(result.lengths)),
         long_tasks.sentence(result.lengths),
         LENGTHS_LEGEND,
         "## What happened",
         code(_counts_table(result)),
-        *_varied(result),
+        *reasons_section(result),
+        *varied_section(result),
         "## How the open values were chosen",
         rule().equations,
         code(open_values(setup)),
@@ -150,7 +170,7 @@ def _verdict(result: Replication) -> str:
     signed = sum(item.same_sign >= SIGN_AIM for item in different)
     reached = sum(item.significant >= rows[item.claim].aim for item in different)
     possible = sum(rows[item.claim].significant >= SIGNIFICANT_AIM for item in different)
-    off = [item for item in result.means if item.measure not in CIRCULAR and not item.within_sd]
+    off = [item for item in result.means if item.known and item.measure not in CIRCULAR and not item.within_sd]
     named = ", ".join(f"{MEASURE_NAMES[i.measure]} {i.kind} {CONDITION_NAMES[i.condition]}" for i in off)
     lines = [
         f"Of the paper's {len(different)} differences, {signed} have its sign in at least {SIGN_AIM:.0%} of studies, "
@@ -162,86 +182,6 @@ def _verdict(result: Replication) -> str:
     return "\n\n".join(lines)
 
 
-def _varied(result: Replication) -> list[str]:
-    """One thing at a time: what each variation does to every comparison that was missed, and to the others."""
-    if not result.varied:
-        return []
-    parts = [
-        "## One thing at a time",
-        f"Each variation changes one thing in the simulation and runs the first {result.vary} studies again, with the "
-        "same people; everything else, alpha's calibration included, follows. It is held against the same studies "
-        f"unchanged: a share moves when it changes by more than {MOVED:.0%} and twice its standard error. Nothing was "
-        "tuned by these.",
-    ]
-    own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
-    for title, items in (
-        ("Comparisons that missed their aim", [item for item in own if not ceiling().rows[item.claim].met_by(item)]),
-        ("Comparisons that met it", [item for item in own if ceiling().rows[item.claim].met_by(item)]),
-    ):
-        lines = [f"### {title}"]
-        for item in items:
-            before = _same(item.claim, result.unvaried)
-            moved = [
-                text
-                for variation, of in result.varied
-                if (text := _moves(before, _same(item.claim, of), variation, result.vary))
-            ]
-            lines.append(
-                f"- **{name_of(item.claim)}** (sign {percent(item.same_sign)}, p<.05 {item.significant:.0%}, "
-                f"difference {number(item.mean, item.claim.measure)}, "
-                f"paper {number(item.claim.paper_difference, item.claim.measure)}): "
-                + ("; ".join(moved) if moved else "no variation moves it")
-                + "."
-            )
-        parts.append("\n".join([lines[0], "", *lines[1:]]) if items else f"{lines[0]}\n\nNone.")
-    parts += ["### Mean differences under each variation", code(_differences_table(result))]
-    return parts
-
-
-def _same(claim: Claim, of: Sequence[Share]) -> Share:
-    return next(share for share in of if share.claim == claim)
-
-
-def _moves(before: Share, after: Share, variation: Variation, studies: int) -> str | None:
-    """What a variation does to a comparison, if that is more than chance."""
-    told = []
-    for word, one, other in (
-        ("sign", before.same_sign, after.same_sign),
-        ("p<.05", before.significant, after.significant),
-    ):
-        error = (max(one * (1.0 - one), 0.04) / studies) ** 0.5
-        if abs(other - one) > max(MOVED, 2.0 * error):
-            told.append(f"{word} {one:.0%} to {other:.0%}")
-    if not told:
-        return None
-    numbers = (number(share.mean, share.claim.measure) for share in (before, after))
-    return f"{variation.name}: {', '.join(told)} (difference {' to '.join(numbers)})"
-
-
-def _differences_table(result: Replication) -> str:
-    own = [item for item in result.shares if item.claim.measure not in CIRCULAR]
-    head = ("varied", *(f"{_CODES[item.claim.measure]}{item.claim.kind[0]}:{_pair(item.claim)}" for item in own))
-    rows: list[tuple[str, ...]] = [
-        head,
-        ("paper", *(number(item.claim.paper_difference, item.claim.measure) for item in own)),
-    ]
-    for name, of in (("nothing", result.unvaried), *((variation.name, of) for variation, of in result.varied)):
-        rows.append((name, *(number(_same(item.claim, of).mean, item.claim.measure) for item in own)))
-    legend = (
-        "G gain, C convergence, E efficiency, W window rate; p pickups, a all tasks;\n"
-        "B balanced, O goal-oriented, T teleoperation."
-    )
-    return columns(rows) + "\n" + legend
-
-
-_CODES = {"belief_gain": "G", "convergence_user_actions": "C", "efficiency_ticks": "E", "window_rate": "W"}
-
-
-def _pair(claim: Claim) -> str:
-    letters = {"teleoperation": "T", "goal_oriented": "O", "balanced": "B"}
-    return f"{letters[claim.first]}-{letters[claim.second]}"
-
-
 def _anchors_table(result: Replication) -> str:
     rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", "ours", "off", "aim")]
     for item in result.means:
@@ -251,8 +191,8 @@ def _anchors_table(result: Replication) -> str:
                     f"{MEASURE_NAMES[item.measure]} {item.kind}",
                     number(item.paper_mean, item.measure),
                     number(item.mean, item.measure),
-                    "" if item.mean != item.mean else f"{item.off:+.0%}",
-                    "met" if abs(item.off) <= rule().anchor_tolerance else "MISSED",
+                    f"{item.off:+.0%}" if item.known else "no values",
+                    "" if not item.known else "met" if abs(item.off) <= rule().anchor_tolerance else "MISSED",
                 )
             )
     return columns(rows)
@@ -266,11 +206,41 @@ def _means_table(result: Replication) -> str:
             (
                 f"{MEASURE_NAMES[item.measure]} {item.kind}, {CONDITION_NAMES[item.condition]}",
                 f"{number(item.paper_mean, item.measure)} ({number(item.paper_sd, item.measure)})",
-                f"{mean} [{low}, {high}] ({sd})",
-                "yes" if item.within_sd else "NO",
+                f"{mean} [{low}, {high}] ({sd})" if item.known else "no values",
+                ("yes" if item.within_sd else "NO") if item.known else "",
             )
         )
     return columns(rows)
+
+
+def goals_sentence(result: Replication) -> str:
+    """The trend of the means, beside the paper's; without tests, as in the paper."""
+    told = ["The paper's trend, untested there, is upward for balanced and downward for goal-oriented."]
+    for condition in (GOAL_ORIENTED, BALANCED):
+        of = next((item.by_goals for item in result.goals if item.condition == condition), {})
+        if len(of) < 2:
+            told.append(f"Under {CONDITION_NAMES[condition]} too few numbers of goals occurred to tell.")
+            continue
+        told.append(f"Under {CONDITION_NAMES[condition]} the means {_trend(of)}.")
+    told.append(
+        "Dropoffs have two goals and pickups four to six, so that a trend over all can be pickups against dropoffs. "
+        "rising, falling: share of studies whose straight line through the windows does."
+    )
+    return " ".join(told)
+
+
+def _trend(by_goals: Mapping[int, float]) -> str:
+    """How means run with the number of goals: over all, and from the fewest of pickups on."""
+    counts = sorted(by_goals)
+    values = [by_goals[count] for count in counts]
+    first, last = (number(values[end], "belief_gain") for end in (0, -1))
+    ends = f"from {first} at {counts[0]} to {last} at {counts[-1]}"
+    steps = [after - before for before, after in pairwise(values)]
+    if all(step < 0.0 for step in steps):
+        return f"fall with every further goal, {ends}"
+    if all(step > 0.0 for step in steps):
+        return f"rise with every further goal, {ends}"
+    return f"run {ends}, neither falling nor rising throughout"
 
 
 def _goals_table(result: Replication) -> str:

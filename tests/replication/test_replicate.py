@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from app.__main__ import main
 from app.errors import LabError
 from app.replication.ceiling import ceiling
 from app.replication.comparisons import Contrast, compared, goal_gains, joint, means, shares
+from app.replication.formats import name_of
 from app.replication.long_tasks import (
     LONG_TICKS,
     TaskLength,
@@ -27,24 +29,39 @@ from app.replication.long_tasks import (
     without_limits,
 )
 from app.replication.paper import CIRCULAR, CLAIMS, DIFFERENCES, REPORTED, Claim, reported
-from app.replication.replicate import Replication, check_place, compare_all, replicate, variations, varied
+from app.replication.replicate import (
+    Replication,
+    Varied,
+    as_experiment,
+    check_place,
+    compare_all,
+    replicate,
+    studies_of,
+    variations,
+    varied,
+)
 from app.replication.rule import rule
 from app.replication.spreadsheets import TABLES, write
 from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
-from app.replication.text import report, table
+from app.replication.text import goals_sentence, report, table
 from app.simulated.participant import simulate_trials
 from app.simulated.study import Plan, make_plan, setup_of
 from app.simulated.traits import TRAITS
-from app.simulated.variants import changed_study, fitted_population, preset_changes
+from app.simulated.variants import Changes, changed_study, fitted_population, preset_changes
 from app.trial.robots import make_robot
 from app.trial.world import open_study, parse_text
+from study.analysis.observations import Observation
 from tests.support.study_values import as_the_paper_found
 
 pytestmark = pytest.mark.slow
 
 
+def _one_pickup(changes: Changes) -> Changes:
+    return {**changes, "": {**changes.get("", {}), "pickups_per_trial": 1}}
+
+
 def small_plan() -> Plan:
-    study = changed_study(open_study(None), {"": {"pickups_per_trial": 1}, **preset_changes("fitted")})
+    study = changed_study(open_study(None), _one_pickup(preset_changes("fitted")))
     return Plan(study.source_text, 3, population=fitted_population())
 
 
@@ -262,8 +279,8 @@ def result() -> Replication:
         goals=goal_gains(studies),
         joint=joint(tested),
         lengths=summed_up([TaskLength("balanced", "pickup", ticks, 3, 1) for ticks in (100, 200, 301)]),
-        varied=((other, shares(nothing)),),
-        unvaried=base,
+        varied=(Varied(other, 3, base, shares(nothing)),),
+        experiments=(as_experiment(Varied(other, 3, base, shares(nothing))),),
         vary=3,
     )
 
@@ -278,6 +295,62 @@ def test_the_report_holds_every_comparison_and_parameter(result: Replication) ->
         assert word in text
     assert "nan" not in text.lower().replace("finance", "")
     assert len(table(result).splitlines()) == 1 + len(CLAIMS)
+
+
+def test_what_could_not_be_compared_is_said(result: Replication) -> None:
+    """Nobody under balanced: sentences in the report, and blanks, never a NaN, in the tables."""
+
+    def without(of: tuple[Observation, ...]) -> tuple[Observation, ...]:
+        return tuple(one for one in of if one.condition != "balanced")
+
+    lacking = [
+        replace(s, observations={key: without(of) for key, of in s.observations.items()}) for s in result.studies
+    ]
+    tested = compare_all(lacking, 1)
+    empty = replace(
+        result,
+        studies=tuple(lacking),
+        shares=shares(tested),
+        means=means(lacking),
+        goals=goal_gains(lacking),
+        joint=joint(tested),
+        lengths=summed_up([]),
+        varied=(),
+        experiments=(),
+    )
+    text = report(empty)
+    assert "gain pickup: balanced - goal could not be tested in 3 of 3 studies" in text
+    assert "no values under balanced" in text
+    assert "nothing can be said of its length" in text
+    assert "too few numbers of goals" in text
+    assert re.search(r"\bnan\b", text) is None
+
+
+def test_misses_are_told_with_what_was_tried(result: Replication) -> None:
+    text = report(result).split("## Why comparisons miss their aim")[1].split("## One thing at a time")[0]
+    rows = ceiling().rows
+    for item in result.shares:
+        assert (f"- **{name_of(item.claim)}** " in text) is not rows[item.claim].met_by(item)
+    assert "alpha / 3 p<.05 " in text
+    without = report(replace(result, vary=0, varied=(), experiments=()))
+    assert "Without --vary no experiment was made" in without
+
+
+def test_more_studies_are_run_for_reasons_than_for_the_rest() -> None:
+    every = variations(make_plan(1, "kinematic", "fitted"))
+    assert {item.name for item in every if item.reason} == {"alpha / 3", "alpha x 3", "equal people"}
+    assert [studies_of(item, 5, 200) for item in every if item.reason] == [20, 20, 20]
+    assert {studies_of(item, 5, 200) for item in every if not item.reason} == {5}
+    assert {studies_of(item, 2, 3) for item in every} == {2, 3}
+
+
+def test_the_trend_with_goals_is_told_of_the_means(result: Replication) -> None:
+    def told(by_goals: dict[int, float]) -> str:
+        return goals_sentence(replace(result, goals=tuple(replace(row, by_goals=by_goals) for row in result.goals)))
+
+    falling = told({2: 0.015, 4: 0.009, 5: 0.006, 6: 0.005})
+    assert "fall with every further goal, from 0.0150 at 2 to 0.0050 at 6" in falling
+    assert "neither falling nor rising throughout" in told({2: 0.005, 4: 0.009, 6: 0.005})
 
 
 def test_what_a_variation_moves_is_said(result: Replication) -> None:
