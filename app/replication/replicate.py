@@ -29,8 +29,7 @@ from app.replication.long_tasks import Lengths, summed_up
 from app.replication.paper import CONDITIONS_IN_ORDER
 from app.replication.reasons import Experiment
 from app.replication.reasons import experiments as reanalysed
-from app.replication.studies import MAX_STUDIES, Values, run_studies
-from app.simulated.progress import progress
+from app.replication.studies import MAX_STUDIES, Batch, Values, run_batches, run_studies
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
 from app.simulated.traits import TRAITS, Population
 from app.simulated.variants import Changes, changed_study
@@ -209,13 +208,14 @@ def vary_each(
     if not vary:
         return ()
     todo = [(one, studies_of(one, vary, len(base))) for one in variations(plan)]
-    rows = []
-    with progress(f"studies of {len(todo)} variations", sum(count for _, count in todo)) as bar:
-        for variation, count in todo:
-            place = out_dir / "varied" / _slug(variation.name) if out_dir else None
-            changed = run_studies(varied(plan, variation), count, participants, workers, place, bar=bar)
-            after = shares(compare_all(changed, workers))
-            rows.append(Varied(variation, count, shares(base[:count]), after))
+    places = [out_dir / "varied" / _slug(one.name) if out_dir else None for one, _ in todo]
+    batches = [Batch(varied(plan, one), count, place) for (one, count), place in zip(todo, places, strict=True)]
+    found = run_batches(batches, participants, workers, f"studies of {len(todo)} variations")
+    tested = compare_all([values for of in found for values in of], workers)
+    rows, start = [], 0
+    for variation, count in todo:
+        rows.append(Varied(variation, count, shares(base[:count]), shares(tested[start : start + count])))
+        start += count
     return tuple(rows)
 
 

@@ -12,7 +12,6 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Sequence
-from contextlib import nullcontext
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +21,7 @@ from app.errors import LabError
 from app.replication.long_tasks import TaskLength, lengths_of_person
 from app.replication.paper import REPORTED
 from app.simulated.participant import simulate_trials
-from app.simulated.progress import Bar, progress
+from app.simulated.progress import progress
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
 from study.analysis.measures import measure
@@ -171,25 +170,46 @@ class Archive:
         return self.folder / f"study-{study:04d}.json.gz"
 
 
-def run_studies(
-    plan: Plan, studies: int, participants: int, workers: int, folder: Path | None, bar: Bar | None = None
-) -> list[Values]:
-    """The values of every study, in order; those on disk are not run again. Progress goes to `bar`, or a bar of its
-    own."""
-    check_count("studies", studies, MAX_STUDIES)
-    archive = Archive(folder, {**plan.settings(), "participants": participants, "values_version": VALUES_VERSION})
-    archive.open()
-    done = {study: values for study in range(studies) if (values := archive.load(study)) is not None}
-    missing = [study for study in range(studies) if study not in done]
-    if bar is not None:
-        bar.update(len(done))
+@dataclass(frozen=True)
+class Batch:
+    """The first so many studies of a plan, and where they are kept; with no folder they are not."""
+
+    plan: Plan
+    studies: int
+    folder: Path | None
+
+
+def run_studies(plan: Plan, studies: int, participants: int, workers: int, folder: Path | None) -> list[Values]:
+    """The values of every study, in order; those on disk are not run again."""
+    return run_batches([Batch(plan, studies, folder)], participants, workers, "studies")[0]
+
+
+def run_batches(batches: Sequence[Batch], participants: int, workers: int, what: str) -> list[list[Values]]:
+    """The values of every study of every batch: one set of processes for all of them, since starting it takes
+    seconds."""
+    archives = []
+    for batch in batches:
+        check_count("studies", batch.studies, MAX_STUDIES)
+        settings = {**batch.plan.settings(), "participants": participants, "values_version": VALUES_VERSION}
+        archives.append(Archive(batch.folder, settings))
+        archives[-1].open()
+    jobs = [(number, study) for number, batch in enumerate(batches) for study in range(batch.studies)]
+    done = {job: values for job in jobs if (values := archives[job[0]].load(job[1])) is not None}
+    missing = [job for job in jobs if job not in done]
     if missing:
-        with nullcontext(bar) if bar is not None else progress("studies", studies, len(done)) as shown:
-            for study, values in run_jobs(partial(run_study, plan, participants), missing, workers):
-                archive.save(study, values)
-                done[study] = values
-                shown.update()
-    return [done[study] for study in range(studies)]
+        work = partial(_run_job, tuple(batch.plan for batch in batches), participants)
+        with progress(what, len(jobs), len(done)) as bar:
+            for job, values in run_jobs(work, missing, workers):
+                archives[job[0]].save(job[1], values)
+                done[job] = values
+                bar.update()
+    return [[done[number, study] for study in range(batch.studies)] for number, batch in enumerate(batches)]
+
+
+def _run_job(plans: tuple[Plan, ...], participants: int, job: tuple[int, int]) -> Values:
+    """One study of one batch. Batches one after the other, since a process calibrates each plan that it meets."""
+    number, study = job
+    return run_study(plans[number], participants, study)
 
 
 @dataclass(frozen=True)
