@@ -101,7 +101,7 @@ class _Fallen(NamedTuple):
 
 def clearance(world: WorldState, scene: SceneSpec) -> Callable[[Vector3], bool]:
     """What tells of a straight displacement of the gripper, of at most 5 cm, whether it pushes nothing over."""
-    parts = _parts(world, scene)
+    parts = moving_parts(world, scene)
     near = _near(parts, world, scene)
 
     def allows(way_m: Vector3) -> bool:
@@ -122,7 +122,7 @@ def _spare_m(parts: Sequence[_Part], thing: _Standing | _Fallen, way_m: Vector3,
     return min([thing.gap_m(part, x_m, y_m, z_m) - part.margin_m for part in parts])
 
 
-def _parts(world: WorldState, scene: SceneSpec) -> tuple[_Part, ...]:
+def moving_parts(world: WorldState, scene: SceneSpec) -> tuple[_Part, ...]:
     """Two fingers, the palm, and what is held."""
     gripper = _gripper(world.finger_opening_m)
     if world.held is None:
@@ -130,7 +130,7 @@ def _parts(world: WorldState, scene: SceneSpec) -> tuple[_Part, ...]:
     pose = world.object(world.held).pose
     place_m = _offset_m(pose, world.position_world_gripper_m)
     spec = scene.object(world.held).spec
-    outline = _outline(spec, pose) if _stands(pose) else _box_around(spec, pose)
+    outline = outline_of(spec, pose)
     return (*gripper, _Part(place_m, outline, CARRIED_MARGIN_M))
 
 
@@ -210,6 +210,11 @@ def _across(first: Vector3, second: Vector3) -> Vector3 | None:
     z = first[0] * second[1] - first[1] * second[0]
     length = math.hypot(x, y, z)
     return (x / length, y / length, z / length) if length > 1e-6 else None
+
+
+def outline_of(spec: ObjectSpec, pose: Pose) -> _Outline:
+    """What an object takes up as it stands, or the box around it as it lies."""
+    return _outline(spec, pose) if _stands(pose) else _box_around(spec, pose)
 
 
 def _box_around(spec: ObjectSpec, pose: Pose) -> _Outline:

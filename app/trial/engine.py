@@ -33,7 +33,7 @@ import numpy as np
 
 from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
-from app.autonomy.interface import Explanation, State
+from app.autonomy.interface import Explanation, Feasible, State
 from app.trial.feasibility import Feasibility
 from app.trial.fingers import Fingers
 from app.trial.goals import Goals, candidates
@@ -56,6 +56,7 @@ from app.trial.values import (
     UserInput,
 )
 from app.trial.verdicts import TIME_LIMIT, Verdict
+from app.trial.way_on import Gate
 from sim.clearance import clearance
 from sim.interface import (
     SLICES_PER_TICK,
@@ -116,6 +117,7 @@ class TrialEngine:
         self._robot = robot
         self._began = start or CycleStart()
         self._reasoning = Reasoning(setup, self._began, limit, asking)
+        self._gate = Gate()
         self._tick = self._began.first_tick
         self._progress = TaskProgress(setup, self._began)
         self._delivered: dict[str, Pose] = dict(self._began.delivered)
@@ -329,7 +331,14 @@ class TrialEngine:
         user, model = user_input.direction, self.setup.models.transition
         reach_m = self.setup.timing.speed_m_s * TICK_S
         feasible = Feasibility(self._robot, self.world, self.scene, model, self._momentum, reach_m)
-        self._belief, action, alone = self._reasoning.decide(self._state(), self._belief, user, feasible)
+        state = self._state()
+
+        def allowed(belief: Belief) -> Feasible:
+            if user is not None or not self.setup.keep_way_on:
+                return feasible
+            return self._gate.question(feasible, state, belief, self.world, self.scene)
+
+        self._belief, action, alone = self._reasoning.decide(state, self._belief, user, allowed)
         source = "robot" if alone else "idle"
         if user is not None:
             source = "user" if action == user else "blend"

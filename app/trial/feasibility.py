@@ -40,6 +40,11 @@ class Feasibility:
             )
         return self._answers[index]
 
+    def way_m(self, index: int) -> Vector3:
+        """Where an action takes the gripper within the tick, from where it is."""
+        x_m, y_m, z_m = self._ways_m[index].tolist()
+        return (x_m, y_m, z_m)
+
     @cached_property
     def _ways_m(self) -> NDArray[np.float64]:  # (27, 3)
         ways_m: NDArray[np.float64] = self._reach_m / self._model.step_m * self._model.displacements(self._momentum)
@@ -50,5 +55,4 @@ class Feasibility:
         return clearance(self._world, self._scene)
 
     def _is_clear(self, index: int) -> bool:
-        x_m, y_m, z_m = self._ways_m[index].tolist()
-        return self._pushes_nothing((x_m, y_m, z_m))
+        return self._pushes_nothing(self.way_m(index))

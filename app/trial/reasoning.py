@@ -102,9 +102,10 @@ class Reasoning:
             _remind(self._arbiter, self._arbiter_memory)
 
     def decide(
-        self, state: State, belief: Belief, user: Direction | None, feasible: Feasible
+        self, state: State, belief: Belief, user: Direction | None, allowed: Callable[[Belief], Feasible]
     ) -> tuple[Belief, Direction, bool]:
-        """The belief after the person's action, the arm's action, and whether the arm moves by itself.
+        """The belief after the person's action, the arm's action, and whether the arm moves by itself. `allowed`: what
+        the arm may do, given that belief.
 
         Raises `PartFault`; inference and arbiter are then to be made anew.
         """
@@ -116,6 +117,7 @@ class Reasoning:
             self._inference_memory = _remembered(named, self._inference, self._inference_memory)
         named = self._setup.arbiter
         with self._asking(named):
+            feasible = allowed(after)
             answer = self._arbiter.decide(state, after, user, feasible)
             action = _checked_action(named, self._arbiter, answer, user, feasible)
             self._arbiter_memory = _remembered(named, self._arbiter, self._arbiter_memory)

@@ -127,6 +127,7 @@ class StudySetup:
                 task_ticks=_ticks(self.study.task_limit_s) if kind == "trial" else 0,
                 trial_ticks=_ticks(self.study.trial_limit_s),
             ),
+            keep_way_on=self.study.arbiter.keep_way_on,
         )
 
     def trial_row(self, participant: str, plan: SessionPlan, trial: int) -> TrialRow:
@@ -158,6 +159,8 @@ class StudySetup:
             **{name: value for name, value in arbiter.parameters.items() if name not in weights},
             "transition": vars(models.transition),
         }
+        if self.study.arbiter.keep_way_on:
+            recorded["keep_way_on"] = True
         if inference != BOLTZMANN:
             recorded["inference"] = {"kind": inference.name, **inference.parameters}
         return recorded

@@ -79,6 +79,8 @@ class TrialSetup:
     models: Models = field(default_factory=Models)
     timing: RobotTiming = field(default_factory=RobotTiming)
     limits: TimeLimits = field(default_factory=TimeLimits)
+    keep_way_on: bool = False
+    """Whether the arm, with the hands off, keeps to where it can go on from (`app.trial.way_on`)."""
 
 
 @dataclass(frozen=True)

@@ -164,6 +164,8 @@ class ArbiterSettings(Part):
     entropy_floor: float = number(default=0.1, gt=0.0, le=1.0)
     """Below this entropy the weights change no more; 0.1 in the paper."""
     stickiness: float = number(default=0.003, ge=0.0, le=1.0)
+    keep_way_on: Flag = False
+    """Whether the arm, with the hands off, goes only where it can go on from toward every goal it may have to serve."""
 
 
 class RobotSettings(Part):
