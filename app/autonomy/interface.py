@@ -30,7 +30,8 @@ Memory = Any
 """A value of JSON: None, numbers, texts, lists and dicts of these, at most 64 kB."""
 
 Feasible = Callable[[Direction], bool]
-"""Whether the arm can do an action from here without pushing anything over. To stay may always be chosen."""
+"""Whether the arm may take an action from here: it can do it without pushing anything over and, in a study that keeps
+the way on, can go on from where that leads to. To stay may always be chosen."""
 
 Explanation = Mapping[str, Union[float, str]]  # noqa: UP007 - evaluated at run time on 3.10 as well
 """What the dashboard shows of a decision: short names and their values."""

@@ -10,12 +10,13 @@ there to in front of that goal, within reach and pushing nothing over. An action
 2. *It approaches the clear favourite*: that goal is nearer from there, and the way to it open.
 3. *It is the way back*: where the arm is now, 1 does not hold, and the action leads at least half its way nearer to the
    place where the arm started. While no straight way leads there, it is back towards the robot that counts when
-   something stands in between, or forward again where the arm folds too far. An open way to
-   the start, or to the clear favourite, stays open.
+   something stands in between, or forward again where the arm folds too far. An open way to the start, or to the clear
+   favourite, stays open.
 
-To stay is taken where the way to the clear favourite is open, or where 1 holds. So the arm never comes to rest where it
-cannot go on: an optimum of the score in such a place is none. Goals that the gripper cannot be in front of, such as one
-that has fallen out of reach, do not count; when none is left, all actions that can be done may be taken.
+To stay is taken where the way to the clear favourite is open, or that margin is kept and the way to any goal is open:
+whoever lines something up is left alone. So the arm, by itself, neither enters a pocket nor comes to rest in one; a
+place where it cannot fold further is no optimum. Goals that the gripper cannot be in front of, such as one that has
+fallen out of reach, do not count; when none is left, all actions that can be done may be taken.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from app.autonomy.belief import Belief
 from app.autonomy.interface import State
 from app.trial.feasibility import Feasibility
 from sim.interface import SceneSpec, Vector3, WorldState
-from sim.ways import Ways, has_margin
+from sim.open_ways import Ways, has_margin
 
 MARGIN_M = 0.03
 """What a person needs to go on in any direction: a tick or two."""
@@ -126,10 +127,10 @@ class WayOn:
 
     @cached_property
     def _may_stay(self) -> bool:
-        here_m = self._state.position_m
-        if self._favourite is not None:
-            return self._is_open(here_m, self._favourite)
-        return self._all_open_here
+        here_m, favourite = self._state.position_m, self._favourite
+        if favourite is not None and self._is_open(here_m, favourite):
+            return True
+        return has_margin(here_m, MARGIN_M) and bool(self._here[1][: self._start][self._counts].any())
 
     # ---- what they rest on --------------------------------------------------------------------------------------
 
