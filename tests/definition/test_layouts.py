@@ -11,6 +11,7 @@ from study.definition.layouts import LayoutFile, shipped_layouts, shipped_object
 from study.definition.study import DEFAULT_STUDY, Study, StudyFileError
 from study.definition.toml_reader import line_numbers, parse_toml
 from study.definition.toml_writer import as_table, long_text, toml
+from tests.support.study_samples import lab_study, lab_text
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "05_layout"
 STUDY, KITCHEN, MUG = (
@@ -63,7 +64,7 @@ def test_a_layout_beside_the_file_has_its_objects_places_and_bins(study: Study) 
     assert (mug.look.mesh_obj, mug.grasp_height_m) == (MUG, 0.07)
     assert (jam.friction, jam.grasp_height_m) == (0.5, 0.10), "2 cm below a top that is low"
     assert (tea.friction, tea.grasp_height_m) == (0.65, 0.11)
-    assert layout.table == layout_of(open_study(None)).table, "arc's when left out"
+    assert layout.table == layout_of(lab_study()).table, "arc's when left out"
 
 
 def test_the_studys_text_holds_all_that_is_needed_to_run_it_again(tmp_path: Path, study: Study) -> None:
@@ -104,11 +105,11 @@ def test_shipped_objects_may_stand_on_an_own_layout(tmp_path: Path) -> None:
 
 
 def test_a_layout_of_a_few_lines_is_enough(tmp_path: Path) -> None:
-    text = changed(SHIPPED, 'layout = "arc"', 'layout = "kitchen"')
+    text = changed(lab_text(), 'layout = "arc"', 'layout = "kitchen"')
     arc = shipped_layouts()["arc"]
     small = f"places_m = {[list(place) for place in arc.places_m]}\n"
     layout = layout_of(open_study(write(tmp_path, text, small)))
-    shipped = layout_of(open_study(None))
+    shipped = layout_of(lab_study())
     assert (layout.table, layout.bins, layout.aisle_x_m) == (shipped.table, shipped.bins, shipped.aisle_x_m)
     assert (layout.start_world_m, layout.practice_place) == (shipped.start_world_m, shipped.practice_place)
     assert layout.objects == shipped.objects

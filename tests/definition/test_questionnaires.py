@@ -16,7 +16,7 @@ from study.analysis.analysis import analyse
 from study.analysis.dataset import load as load_data
 from study.analysis.method_text import methods
 from study.definition.questionnaires import own_instruments
-from study.definition.study import DEFAULT_STUDY, Study, StudyFileError, load_study, parse_study
+from study.definition.study import Study, StudyFileError, load_study, parse_study
 from study.definition.toml_reader import parse_toml
 from study.export.export import write_tables
 from study.flow.answers import answer_rows, score, survey_scores, validate_surveys
@@ -24,9 +24,9 @@ from study.flow.page import PageContext
 from study.flow.protocol import Session
 from tests.support.analysis_samples import data_set
 from tests.support.flow_cases import handed_in
-from tests.support.study_samples import UTC
+from tests.support.study_samples import UTC, lab_text
 
-SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
+SOURCE = lab_text()
 CHOSEN = 'surveys = ["sus_modified", "tlx_raw"]'
 TRUST = """
 title = "About trust"

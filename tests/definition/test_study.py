@@ -28,7 +28,7 @@ from study.definition.study import (
 )
 from study.flow.flow import FLOW
 from study.records import StudyError
-from tests.support.study_samples import BINS, OBJECTS, shipped_study
+from tests.support.study_samples import BINS, OBJECTS, lab_text, shipped_study
 
 SOURCE = DEFAULT_STUDY.read_text(encoding="utf-8")
 
@@ -48,8 +48,10 @@ def problems(text: str) -> tuple[str, ...]:
 
 
 def changed(old: str, new: str) -> str:
-    assert SOURCE.count(old) == 1, f"{old!r} stands {SOURCE.count(old)} times in the default study"
-    return SOURCE.replace(old, new)
+    """A study file with one line changed: the one that shipped first, whose numbers stay what they are."""
+    text = lab_text()
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the study"
+    return text.replace(old, new)
 
 
 @pytest.fixture

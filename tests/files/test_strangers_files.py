@@ -16,7 +16,7 @@ import pytest
 from app.__main__ import main
 from app.errors import LabError
 from app.replication.studies import Archive
-from study.definition.study import DEFAULT_STUDY, load_study, parse_study
+from study.definition.study import load_study, parse_study
 from study.definition.toml_reader import StudyFileError
 from study.export.export import ExportError, export_zip, read_table
 from study.json_text import parse_json
@@ -25,8 +25,9 @@ from study.language.catalogue import shipped_text
 from study.store import open_store
 from study.text_file import FileProblem, list_rows, opened_table, read_text
 from tests.support.recordings import recorded_export
+from tests.support.study_samples import lab_text
 
-STUDY = DEFAULT_STUDY.read_text(encoding="utf-8")
+STUDY = lab_text()
 BOMB = gzip.compress(b" " * 60_000_000)
 """Sixty megabytes in sixty kilobytes."""
 SECRET = "nobody outside may read this"

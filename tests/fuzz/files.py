@@ -14,7 +14,6 @@ from typing import Any
 
 from app.trial.world import drafted_layout, open_study, parse_stored
 from study.analysis.dataset import load
-from study.definition.study import DEFAULT_STUDY
 from study.export.export import read_meta, read_table
 from study.language.catalogue import shipped_text
 from study.records import TABLES, StudyError
@@ -22,6 +21,7 @@ from study.text_file import list_rows
 from tests.fuzz.mutations import mutated
 from tests.fuzz.surface import Surface
 from tests.support.recordings import recorded_export
+from tests.support.study_samples import lab_text
 
 WITHIN_S = 20
 """A file that takes longer to be refused hangs whoever waits for it; on a busy machine one takes a second."""
@@ -93,7 +93,7 @@ class Files(Surface):
         self._place.mkdir()
         self._export = recorded_export("kinematic", self._place)
         self._work = self._place / "work"
-        study = DEFAULT_STUDY.read_text(encoding="utf-8")
+        study = lab_text()
         self._study = study
         asks = study.replace('surveys = ["sus_modified", "tlx_raw"]', 'surveys = ["teamwork"]', 1)
         german = study.replace('language = "en" ', 'language = "de" ', 1).replace(

@@ -39,7 +39,7 @@ from sim.objects import grasp_point
 from study.records import TaskRow, TickRow
 from tests.support.arbiter_cases import ArbiterCase, Condition, case_of
 from tests.support.shipped_world import LAYOUTS, PRACTICE_OBJECT, STUDY_OBJECTS
-from tests.support.study_samples import shipped_study
+from tests.support.study_samples import lab_study
 
 ARC = LAYOUTS["arc"]
 PLACEMENT = tuple(STUDY_OBJECTS)
@@ -53,8 +53,8 @@ Policy = Callable[[TrialEngine], UserInput]
 
 @cache
 def paper_study() -> StudySetup:
-    """The study that ships, in its world, with its calibrated alpha."""
-    return study_setup(shipped_study())
+    """The study that shipped first, in its world, with its calibrated alpha."""
+    return study_setup(lab_study())
 
 
 def parameters(condition: Condition = "teleoperation", model: TransitionModel | None = None) -> ArbiterCase:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+from app.simulated.variants import changed_study, preset_changes
 from study.definition.study import Study, load_study
 from study.records import AlertRow, EventRow, SurveyAnswerRow, TaskRow, TickRow, TrialRow
 from study.store import Batch, Store
@@ -20,6 +21,18 @@ UTC = "2026-01-01T00:00:00.000+00:00"
 def shipped_study() -> Study:
     """The study that ships, checked against the names above."""
     return load_study(None)
+
+
+@cache
+def lab_study() -> Study:
+    """The study that shipped first, in full: for tests that change lines of a study file or count ticks, and do not ask
+    what ships. Its numbers stay what they are when those of the shipped study change, and its arm is a fast one."""
+    return changed_study(load_study(None), preset_changes("lab"))
+
+
+def lab_text() -> str:
+    """Its file's text."""
+    return lab_study().source_text
 
 
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:

@@ -36,7 +36,8 @@ from app.wire import (
 )
 from study.flow.flow import FLOW, Flow
 from study.store import Store, open_store
-from tests.support.lab_server import ROOT, LabServer
+from tests.support.lab_server import LabServer
+from tests.support.study_samples import lab_text
 
 Kind = TypeVar("Kind", bound=Message)
 Direction = tuple[int, int, int]
@@ -65,8 +66,8 @@ OPEN = {
 
 
 def write_study(folder: Path, changes: Mapping[str, str] | None = None) -> Path:
-    """The shipped study with parts of its text replaced; each must be there exactly once."""
-    text = (ROOT / "study" / "definition" / "default.toml").read_text(encoding="utf-8")
+    """The study that shipped first with parts of its text replaced; each must be there exactly once."""
+    text = lab_text()
     for old, new in (SHORT if changes is None else changes).items():
         assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the study file"
         text = text.replace(old, new)

@@ -22,14 +22,14 @@ from study.flow.distractors.state import of_practice
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import paper_study
 from tests.support.shipped_world import PRACTICE_OBJECT
-from tests.support.study_samples import shipped_study
+from tests.support.study_samples import lab_study
 
 ORDER = ("balanced", "teleoperation", "goal_oriented")
-PLAN = plan_session(shipped_study(), ORDER, seed=11)
+PLAN = plan_session(lab_study(), ORDER, seed=11)
 
 
 def changed(old: str, new: str) -> Study:
-    text = shipped_study().source_text
+    text = lab_study().source_text
     assert old in text
     return parse_study(text.replace(old, new))
 
@@ -95,7 +95,7 @@ def test_each_condition_has_its_arbiter_and_all_share_the_model() -> None:
 
 
 def test_alpha_is_the_same_in_every_lab_that_runs_the_same_file() -> None:
-    assert study_setup(shipped_study()).arbiters == paper_study().arbiters
+    assert study_setup(lab_study()).arbiters == paper_study().arbiters
 
 
 def test_alpha_given_as_a_number_is_taken_and_nothing_is_calibrated() -> None:
@@ -111,8 +111,8 @@ def test_alpha_depends_on_the_model_the_study_chooses() -> None:
 
 def test_everything_that_can_be_instructed_has_words() -> None:
     labels = paper_study().labels()
-    assert set(labels.objects) >= {*shipped_study().objects, PRACTICE_OBJECT.id}
-    assert set(labels.bins) >= set(shipped_study().bins)
+    assert set(labels.objects) >= {*lab_study().objects, PRACTICE_OBJECT.id}
+    assert set(labels.bins) >= set(lab_study().bins)
     assert all(labels.objects.values()) and all(labels.bins.values())
 
 
@@ -133,7 +133,7 @@ def test_a_trial_s_row_says_how_it_was_laid_out() -> None:
 
 
 def test_a_study_file_of_before_goes_on_meaning_what_it_did() -> None:
-    text = shipped_study().source_text
+    text = lab_study().source_text
     for younger in re.findall(r"^.* \[(?:false|\"table\")\]$", text, flags=re.MULTILINE):
         text = text.replace(f"{younger}\n", "")
     study = parse_study(text)

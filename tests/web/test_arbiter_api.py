@@ -14,10 +14,11 @@ import pytest
 from app.autonomy.transition import TransitionModel
 from app.trial.setup import study_setup
 from app.web.arbiter_api import EvaluateRequest, evaluate_request
-from study.definition.study import DEFAULT_STUDY, parse_study
+from study.definition.study import parse_study
 from tests.support.arbiter_cases import ArbiterCase
 from tests.support.lab_server import LabServer
 from tests.support.literal_reference import evaluate_literal
+from tests.support.study_samples import lab_text
 
 GOALS = [[0.80, 0.30, 0.85], [0.78, -0.10, 0.85], [0.84, 0.05, 0.90]]
 STATE = {"position_m": [0.70, 0.02, 0.88], "momentum": [0.6, 0.0, -0.8], "goals_m": GOALS}
@@ -95,7 +96,7 @@ def test_the_studys_alpha_is_the_default_and_told(client: httpx.Client) -> None:
 
 
 def test_what_is_not_named_is_the_studys() -> None:
-    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    text = lab_text()
     changes = {'alpha = "calibrated"': "alpha = 2.0", "rationality_per_m = 5.0": "rationality_per_m = 3.0"}
     for before, after in changes.items():
         assert before in text
