@@ -85,8 +85,9 @@ def mixed_model(
         else:
             others = " and ".join([*(names[other] for other in kept), "single values"])
             notes.append(f"{name} is left out: its variance cannot be told apart from that of {others}")
-    names = [names[index] for index in kept]
-    model = RestrictedLikelihood(y, group, [codes[name] for name in names])
+    if len(kept) < len(names):
+        names = [names[index] for index in kept]
+        model = RestrictedLikelihood(y, group, [codes[name] for name in names])
     if (parameters := model.rank()) >= len(y):
         return NotFitted(
             f"{len(y)} values are too few for {len(levels)} conditions and the levels of {' and '.join(names)}; at "

@@ -20,6 +20,7 @@ from itertools import product
 
 import numpy as np
 import numpy.typing as npt
+from scipy import linalg
 
 from study.analysis.design_matrix import FloatArray
 
@@ -99,14 +100,22 @@ class RestrictedLikelihood:
 
     def solve(self, ratios: FloatArray) -> tuple[float, FloatArray, FloatArray, float]:
         """log |B|; T = Z'K W^-1 K'Z; t = Z'K W^-1 K'y; r^2. K spans what is orthogonal to X."""
-        d = self.spread(ratios)
-        inner = d[:, None] * self.gram * d
-        inner.flat[:: len(d) + 1] += 1.0  # B
-        right = d[:, None] * self._sides  # D (G, g)
-        solution = np.linalg.solve(inner, right)
+        log_b, right, solution = self._solved(ratios, self._sides)
         full = self._sides - right[:, :-1].T @ solution
         squares = max(self._squares - float(right[:, -1] @ solution[:, -1]), 0.0)
-        return float(np.linalg.slogdet(inner)[1]), full[:, :-1], full[:, -1], squares
+        return log_b, full[:, :-1], full[:, -1], squares
+
+    def _solved(self, ratios: FloatArray, sides: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """log |B|, D times `sides`, and B^-1 times that."""
+        d = self.spread(ratios)
+        if not len(d):
+            return 0.0, sides, sides
+        inner = d[:, None] * self.gram * d
+        inner.flat[:: len(d) + 1] += 1.0  # B
+        factor = linalg.cho_factor(inner, lower=True, overwrite_a=True, check_finite=False)
+        right = d[:, None] * sides
+        solution = linalg.cho_solve(factor, right, check_finite=False)
+        return 2.0 * float(np.log(np.diag(factor[0])).sum()), right, solution
 
     def spread(self, ratios: FloatArray) -> FloatArray:
         """The diagonal of D: the SD of each level's effect in residual SDs."""
@@ -140,7 +149,8 @@ class RestrictedLikelihood:
 
     def criterion(self, ratios: FloatArray) -> float:
         """-2 log of the restricted likelihood, at the best s^2."""
-        log_b, _, _, squares = self.solve(ratios)
+        log_b, right, solution = self._solved(ratios, self._projection[:, None])
+        squares = self._squares - float(right[:, 0] @ solution[:, 0])
         return self._criterion(log_b, squares / self.degrees)
 
     def _criterion(self, log_b: float, variance: float) -> float:
