@@ -29,7 +29,7 @@ SPEED_M_S = 0.03
 
 @cache
 def average() -> Traits:
-    return draw_traits(Population(spread_scale=0.0), np.random.default_rng(0))
+    return draw_traits(Population(OFF, spread_scale=0.0), np.random.default_rng(0))
 
 
 # ---- who they are ---------------------------------------------------------------------------------------------------
