@@ -31,7 +31,7 @@ from app.replication.reasons import Experiment
 from app.replication.reasons import experiments as reanalysed
 from app.replication.studies import MAX_STUDIES, Batch, Values, run_batches, run_studies
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
-from app.simulated.traits import TRAITS, Population
+from app.simulated.traits import OFF, TRAITS, Population
 from app.simulated.variants import Changes, changed_study
 from app.trial.setup import StudySetup
 from app.trial.world import parse_text
@@ -39,6 +39,10 @@ from app.trial.world import parse_text
 ALPHA_REASON, PEOPLE_REASON = "weight of information, alpha", "differences between people"
 STUDIES_FOR_REASONS = 20
 """Where anything is varied, what tells of a reason for a miss is run this often, or as often as there are studies."""
+
+
+WITHIN_PEOPLE = ("mood", "second_try", "learning", "fatigue")
+"""Traits that make one person's tasks differ."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class Variation:
 
 
 def variations(plan: Plan) -> tuple[Variation, ...]:
-    """One thing at a time, around the plan's own numbers."""
+    """One thing at a time, around the plan's own numbers; people are not varied to what they are."""
     arbiter, robot = setup_of(plan.study_text).study.arbiter, setup_of(plan.study_text).study.robot
     mean = plan.population.mean
 
@@ -70,7 +74,7 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
         return min(max(value, TRAITS[trait].low), TRAITS[trait].high)
 
     other = "mix" if arbiter.transition == "replan" else "replan"
-    return (
+    every = (
         study("step / 2", "model step halved", "arbiter", "step_m", arbiter.step_m / 2.0),
         study("step x 2", "model step doubled", "arbiter", "step_m", arbiter.step_m * 2.0),
         study("rationality / 2", "", "arbiter", "rationality_per_m", arbiter.rationality_per_m / 2.0),
@@ -100,10 +104,23 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
             overshoot=bounded("overshoot", 2.0 * mean("overshoot")),
             eye_error=bounded("eye_error", 2.0 * mean("eye_error")),
         ),
+        people("same in every task", "no mood, no second try, no learning, no fatigue", **_off(*WITHIN_PEOPLE)),
+        people("no learning", "neither practice nor fatigue", **_off("learning", "fatigue")),
+        people(
+            "no mistakes", "sides, depth and buttons as they are", **_off("mix_up", "depth_error_m", "wrong_button")
+        ),
+        people("low lift", "things are lifted no higher than needed", **_off("lift_m")),
+        people("keyboards", "everybody at a keyboard", keyboard=1.0),
+        people("people of 0.1", "all these traits off", **OFF),
         people("one axis", "never two axes at once", two_axes=0.0),
         people("two axes", "mostly two axes at once", two_axes=0.7),
         Variation("equal people", "no differences between people", {}, {}, spread_scale=0.0, reason=PEOPLE_REASON),
     )
+    return tuple(item for item in every if not item.means or any(mean(name) != to for name, to in item.means.items()))
+
+
+def _off(*traits: str) -> dict[str, float]:
+    return {name: OFF[name] for name in traits}
 
 
 def varied(plan: Plan, variation: Variation) -> Plan:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 from app.replication import long_tasks
+from app.replication import spread as people_spread
 from app.replication.ceiling import IMPLIED_LEGEND, ceiling, implied_table
 from app.replication.ceiling import LEGEND as CEILING_LEGEND
 from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM
@@ -115,6 +116,9 @@ def report(result: Replication) -> str:
         "## Means",
         code(_means_table(result)),
         "Ours is the mean over studies with the middle 95 %, and the mean SD within a study.",
+        "## Between people and within",
+        code(people_spread.table(result.studies)),
+        people_spread.LEGEND,
         "## Belief gain by number of goals (the paper's Fig. 4)",
         code(_goals_table(result)),
         goals_sentence(result),
@@ -293,8 +297,10 @@ def _fit_table() -> str:
 
 
 def _traits_table(result: Replication) -> str:
-    rows: list[tuple[str, ...]] = [("trait", "mean", "spread", "fitted", "meaning")]
+    rows: list[tuple[str, ...]] = [("trait", "mean", "spread", "fitted", "meaning; source")]
     for name, trait in TRAITS.items():
         mean, spread = result.plan.population.mean(name), trait.spread * result.plan.population.spread_scale
-        rows.append((name, f"{mean:.4g}", f"{spread:.2g}", "yes" if trait.fitted else "", trait.about))
+        off = " (off)" if mean == trait.off else ""
+        about = f"{trait.about}; {trait.source}"
+        rows.append((name, f"{mean:.4g}{off}", f"{spread:.2g}", "yes" if trait.fitted else "", about))
     return columns(rows, ends_in_words=True)
