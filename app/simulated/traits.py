@@ -67,7 +67,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
         "checks": Spread(2.0, 0.4, 0.0, 10.0, True, "times one looks again before closing or opening the gripper"),
         # ---- the readings
         "reaction_s": Spread(1.2, 0.3, 0.3, 5.0, False, "from the sound until the hands leave the controls, seconds"),
-        "away_s": Spread(5.5, 0.2, 3.0, 15.0, True, "hands away for one reading, seconds (mean of that person)"),
+        "away_s": Spread(5.5, 0.2, 3.0, 15.0, False, "hands away for one reading, seconds (mean of that person)"),
         "return_s": Spread(1.0, 0.3, 0.0, 4.0, False, "from being back until the first movement, seconds"),
         "typing_error": Spread(0.03, 0.6, 0.0, 0.5, False, "chance that an answer is wrong: a reading, in one digit"),
         "miss": Spread(0.005, 0.6, 0.0, 0.5, False, "chance that a reading is not answered at all"),
@@ -84,7 +84,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
             off=0.0,
         ),
         "mood": Spread(
-            *(0.40, 0.2, 0.0, 1.5, True),
+            *(0.40, 0.2, 0.0, 1.5, False),
             "sd over one person's tasks of the logarithm of pauses, looks and checks",
             "assumed; within people times vary about as much as between them (Salthouse & Berish 2005)",
             off=0.0,

@@ -63,6 +63,10 @@ def test_what_ships_is_what_the_fit_found() -> None:
     assert fitted_population().means == {**OFF, **data["participants"]}
 
 
+def test_traits_are_called_fitted_that_are() -> None:
+    assert {name for name, trait in TRAITS.items() if trait.fitted} == {item.name for item in PARAMETERS} & set(TRAITS)
+
+
 def test_a_fit_comes_nearer_and_keeps_its_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     small = changed_study(open_study(None), {"": {"pickups_per_trial": 1}})
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.replication.spread import PeopleSpread, spread, table
+from app.replication.spread import spread, table
 from app.replication.studies import Values
 from study.analysis.observations import Observation
 
@@ -35,7 +35,10 @@ def test_both_parts_come_out_as_they_went_in(between: float, within: float) -> N
 
 def test_people_who_differ_by_chance_alone_have_no_spread_between_them() -> None:
     same = [Observation(value, "balanced", person, 1, "can", 4) for person in "ab" for value in (10.0, 20.0)]
-    assert spread(same, {"can"}) == PeopleSpread(2, 0.0, pytest.approx(50.0**0.5), pytest.approx(100.0**0.5 / 3.0**0.5))
+    found = spread(same, {"can"})
+    assert found is not None
+    assert (found.people, found.between) == (2, 0.0)
+    assert (found.within, found.total) == pytest.approx((50.0**0.5, (100.0 / 3.0) ** 0.5))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from app.simulated.answers import Experience, SimulatedPerson
 from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
 from app.simulated.task_state import MIDDLE_TASK, Course, practised, tasks_before, tired
+from app.simulated.trait_table import trait_table
 from app.simulated.traits import OFF, TRAITS, Population, Purpose, Traits, draw_traits, stream
 from app.trial.values import UserInput
 from sim.interface import TICK_S, RobotCommand, run_tick, steady, still
@@ -252,3 +254,8 @@ def test_answers_are_complete_and_follow_the_stated_model() -> None:
     annoyed = mean_scores(Experience(minutes=7.0, failures=0, missed=0, contrary=0.4))
     assert annoyed[0] < calm[0] - 0.5
     assert annoyed[1] > calm[1] + 0.5
+
+
+def test_the_documentation_shows_the_traits_that_ship() -> None:
+    page = Path(__file__).parents[2] / "docs" / "topics" / "simulated-participants.md"
+    assert trait_table() in page.read_text(encoding="utf-8"), "python -m app.simulated.trait_table prints it"
