@@ -6,32 +6,22 @@ The bot follows the link (HTTP, for the cookie), opens the WebSocket, fills in e
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import itertools
-import secrets
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import urljoin, urlsplit
 
-import httpx
 import numpy as np
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from app.errors import LabError
 from app.simulated.answers import PlainPerson
 from app.simulated.clumsy import Clumsy, Finding
+from app.simulated.connection import BotError, Wire, enter, open_wire
 from app.simulated.pilot import Pilot, Sight
 from app.trial.values import UserInput
 from app.wire import (
-    PROTOCOL_VERSION,
-    SERVER_MESSAGE,
     Ack,
     Alert,
     Error,
-    Hello,
     Input,
     Instruction,
     Message,
@@ -40,26 +30,19 @@ from app.wire import (
     Ping,
     Pong,
     Status,
-    Submit,
     Superseded,
     Tick,
     Welcome,
     World,
-    submit_type,
 )
 from study.flow.flow import FLOW, Flow
 from study.flow.page import HandedIn, Person
 from study.flow.protocol import NEEDS, PAUSED, TERMINAL
 
-ANSWER_WITHIN_S = 60.0
 MAX_PHASE_TICKS = 3000
 MAX_FAULTS = 2
 """So often the bot goes on after a fault of the lab's."""
 """A trial takes a few hundred ticks; after this many the bot is stuck and says so."""
-
-
-class BotError(LabError):
-    """The bot cannot go on; the message says what the lab answered."""
 
 
 @dataclass
@@ -72,107 +55,6 @@ class BotReport:
     pages: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     """What must not be; only a clumsy bot looks for it."""
-
-
-@dataclass(frozen=True)
-class PageAccess:
-    """Where a link leads: the page's address and the cookie that opens it."""
-
-    page_url: str
-    cookie: str
-
-    @property
-    def socket_url(self) -> str:
-        """Address of the page's WebSocket."""
-        parts = urlsplit(self.page_url)
-        scheme = "wss" if parts.scheme == "https" else "ws"
-        return urljoin(f"{scheme}://{parts.netloc}{parts.path}", "socket")
-
-
-async def enter(url: str) -> PageAccess:
-    """Follow a link as a browser does. Raises `BotError` if it is none or leads nowhere."""
-    start = url.rstrip("/").rpartition("/")[0]
-    without_token = f"{start}/…" if start else url
-    no_link = BotError(f"{without_token!r} is no link; one looks like http://127.0.0.1:8000/p/TOKEN")
-    if not _is_link(url):
-        raise no_link
-    try:
-        async with httpx.AsyncClient(trust_env=False) as client:
-            response = await client.get(url)
-    except httpx.InvalidURL:
-        raise no_link from None
-    except httpx.HTTPError as error:
-        raise BotError(f"{without_token}: {type(error).__name__}: {error}") from None
-    if response.status_code != 303:
-        raise BotError(f"the link was answered with {response.status_code}; it is wrong or has ended")
-    cookie = "; ".join(f"{name}={value}" for name, value in response.cookies.items())
-    return PageAccess(urljoin(url, response.headers["location"]), cookie)
-
-
-def _is_link(url: str) -> bool:
-    try:
-        parts = urlsplit(url)
-        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-    except ValueError:  # brackets without an address, or a port that is no number
-        return False
-
-
-class Wire:
-    """An open socket of the protocol: typed messages out and in."""
-
-    def __init__(self, connection: ClientConnection, submit: type[Submit] = Submit) -> None:
-        self._connection = connection
-        self._submit = submit
-        self._name = secrets.token_hex(6)
-        self._numbers = itertools.count(1)
-
-    async def send(self, message: Message) -> None:
-        """Send one message. Raises `BotError` when the lab is gone."""
-        await self.send_raw(message.model_dump_json())
-
-    async def send_raw(self, frame: str | bytes) -> None:
-        """Send a frame as it is. Raises `BotError` when the lab is gone."""
-        try:
-            await self._connection.send(frame)
-        except ConnectionClosed as closed:
-            raise BotError(f"the lab closed the connection: {closed}") from None
-
-    async def receive(self) -> Message:
-        """The next message of the lab. Raises `BotError` when it stays silent or is gone."""
-        return SERVER_MESSAGE.validate_json(await self.receive_raw())
-
-    async def receive_raw(self) -> str | bytes:
-        """The next frame of the lab as it is. Raises `BotError` when it stays silent or is gone."""
-        try:
-            return await asyncio.wait_for(self._connection.recv(), ANSWER_WITHIN_S)
-        except asyncio.TimeoutError:
-            raise BotError(f"the lab said nothing for {ANSWER_WITHIN_S:g} s") from None
-        except ConnectionClosed as closed:
-            raise BotError(f"the lab closed the connection: {closed}") from None
-
-    async def submit(self, step: str, data: Mapping[str, Any]) -> str:
-        """Submit a step; returns the message's id."""
-        identifier = self.new_id()
-        await self.send(self._submit.model_validate({"id": identifier, "step": step, "data": data}))
-        return identifier
-
-    def new_id(self) -> str:
-        """An id for a submission; no other wire makes the same one, or the lab would take it for a resend."""
-        return f"bot-{self._name}-{next(self._numbers)}"
-
-
-@contextlib.asynccontextmanager
-async def open_wire(access: PageAccess, name: str, telemetry: bool = False, flow: Flow = FLOW) -> AsyncIterator[Wire]:
-    """Connect and say hello. `flow` is the lab's."""
-    headers = {"Cookie": access.cookie}
-    try:
-        connection = await connect(access.socket_url, additional_headers=headers, compression=None, proxy=None)
-    except (InvalidHandshake, OSError) as error:
-        raise BotError(f"the lab did not open a socket: {error}") from None
-    async with connection:
-        wire = Wire(connection, submit_type(flow))
-        await wire.send(Hello(protocol=PROTOCOL_VERSION, client=name, telemetry=telemetry))
-        yield wire
 
 
 def handed_in(page: Page, person: Person, flow: Flow = FLOW) -> HandedIn | None:
@@ -215,6 +97,10 @@ class PanelBot:
             elif isinstance(message, Ack) and message.id == marker:
                 return logged
 
+    async def finish(self) -> None:
+        """The study is over."""
+        await self._wire.report_received()
+
 
 class Bot:
     """One scripted participant over one wire. `say` gets a line for every page."""
@@ -254,6 +140,9 @@ class Bot:
         """Go through the whole study."""
         while self._page is None or self._page.state not in TERMINAL:
             await self._handle(await self._wire.receive())
+        await self._wire.report_received()
+        if self._panel is not None:
+            await self._panel.finish()
         return self.report
 
     async def _handle(self, message: Message) -> None:

@@ -204,11 +204,15 @@ async def refuse(websocket: WebSocket, why: str) -> None:
         await asyncio.wait_for(websocket.close(CLOSE_TRY_LATER), CLOSE_WITHIN_S)
 
 
+def _bytes_of(frame: str | bytes) -> int:
+    return len(frame if isinstance(frame, bytes) else frame.encode("utf-8", "surrogatepass"))
+
+
 async def _hello(websocket: WebSocket, bounds: Bounds) -> Hello | None:
     """The first message; whatever else comes first is refused and the socket stays open. None once it was too much."""
     while True:
         frame = await _text(websocket)
-        over = bounds.meter.heard(len(frame), time.monotonic())
+        over = bounds.meter.heard(_bytes_of(frame), time.monotonic())
         if over:
             bounds.refusals.add("messages")
             await refuse(websocket, over)
@@ -244,7 +248,7 @@ async def _receive_all(
             frame = await _text(websocket)
             now_s = time.monotonic()
             is_behind = is_behind and now_s - asked_s < CAUGHT_UP_S
-            over = bounds.meter.heard(len(frame), now_s, is_paced)
+            over = bounds.meter.heard(_bytes_of(frame), now_s, is_paced)
             message = parse(frame, taken) if not over else None
             if isinstance(message, (Submit, Note)):
                 over = bounds.meter.recorded(now_s, is_paced)

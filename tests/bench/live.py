@@ -18,7 +18,8 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from app.simulated.bot import PageAccess, enter, run_bot
+from app.simulated.bot import run_bot
+from app.simulated.connection import PageAccess, enter
 from tests.bench.figure import Figure
 from tests.support import lab_server
 from tests.support.lab_server import LabServer

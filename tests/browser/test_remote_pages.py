@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 
-from app.simulated.bot import PageAccess, open_wire
+from app.simulated.connection import PageAccess, open_wire
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pad import FakePad
 from tests.support.lab_server import LabServer

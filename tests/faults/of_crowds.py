@@ -11,7 +11,7 @@ import time
 
 from websockets.exceptions import ConnectionClosed
 
-from app.simulated.bot import BotError
+from app.simulated.connection import BotError
 from app.wire import Error
 from tests.faults import processes
 from tests.faults.person import Person

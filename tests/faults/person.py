@@ -20,7 +20,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 
 from app.simulated.answers import PlainPerson
-from app.simulated.bot import BotError, PageAccess, enter, handed_in
+from app.simulated.bot import handed_in
+from app.simulated.connection import BotError, PageAccess, enter
 from app.simulated.pilot import Pilot, Sight
 from app.wire import (
     PROTOCOL_VERSION,

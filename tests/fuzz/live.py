@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from app.simulated.bot import BotError
+from app.simulated.connection import BotError
 from app.wire import Error, Input, Tick
 from tests.fuzz.sockets import FRAMES, _frame, _said
 from tests.fuzz.surface import Surface

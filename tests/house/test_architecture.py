@@ -70,8 +70,8 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "prometheus_client": ("app.monitoring.metrics",),
     "rich": (),
     "pytest": ("app.contracts.verdict", "app.contracts.plugin"),
-    "httpx": ("app.simulated.bot",),
-    "websockets": ("app.web", "app.simulated.bot"),
+    "httpx": ("app.simulated.connection",),
+    "websockets": ("app.web", "app.simulated.connection"),
     "pybullet": ("sim.bullet",),
     "pybullet_data": (),
     "pybullet_utils": (),
@@ -310,10 +310,14 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
         ("app.lab.lab", "from study.store import database", "imports study.store.database: what others may use"),
         ("app.web.scene_proxy", "import pybullet_utils.bullet_client", "imports pybullet_utils: nobody may"),
         ("sim.bullet", "import pybullet_utils", "imports pybullet_utils: nobody may"),
-        ("app.session.connections", "from websockets.asyncio.client import connect", "only app.simulated.bot, app.web"),
+        (
+            "app.session.connections",
+            "from websockets.asyncio.client import connect",
+            "only app.simulated.connection, app.w",
+        ),
         ("app.commands.program", "from rich.console import Console", "imports rich: nobody may"),
         ("study.store.database", "import aiosqlite", "imports aiosqlite: nobody may"),
-        ("app.web.server", "import httpx", "imports httpx: only app.simulated.bot may"),
+        ("app.web.server", "import httpx", "imports httpx: only app.simulated.connection may"),
         ("study.flow.protocol", "import time", "(clockless) imports time: it is given now_s, rng and text"),
         ("app.wire", "import asyncio", "app.wire:1 (clockless) imports asyncio"),
         ("app.trial.engine", "import time", "app.trial.engine:1 (clockless) imports time"),
@@ -344,7 +348,7 @@ def test_allowed_imports_are_silent() -> None:
     assert violations({"app.web.server": served}) == []
     assert violations({"sim.bullet": "import time\nimport pybullet\nfrom sim.interface import Robot"}) == []
     assert violations({"app.trial.engine": "import scipy\nfrom sim.interface import Robot"}) == []
-    assert violations({"app.simulated.bot": "import httpx\nfrom websockets.asyncio.client import connect"}) == []
+    assert violations({"app.simulated.connection": "import httpx\nfrom websockets.asyncio.client import connect"}) == []
 
 
 def test_a_circle_is_reported_by_its_way() -> None:

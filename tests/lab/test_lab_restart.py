@@ -19,7 +19,8 @@ import pytest
 from app.config import LabConfig
 from app.lab.lab import Lab
 from app.session.commands import Command, NotNow
-from app.simulated.bot import Bot, BotError, enter, open_wire
+from app.simulated.bot import Bot
+from app.simulated.connection import BotError, enter, open_wire
 from app.wire import Input, Page, Status, Tick, WireDirection
 from study.records import TickRow, unix_s
 from study.store import Batch, Store

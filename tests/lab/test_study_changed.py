@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from app.simulated.bot import BotError
+from app.simulated.connection import BotError
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import SHORT, asked, invite, seen_by_experimenter, stored, visit, write_study
 

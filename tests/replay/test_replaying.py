@@ -17,7 +17,8 @@ import pytest
 from app.replay.comparison import Difference
 from app.replay.recording import CannotReplay, ExportedTrials
 from app.replay.replaying import Asked, Replayed, replay, replay_all
-from app.simulated.bot import Bot, Wire, enter, open_wire
+from app.simulated.bot import Bot
+from app.simulated.connection import Wire, enter, open_wire
 from app.trial.engine import TrialEngine
 from app.trial.rerunning import rerun
 from app.trial.values import CycleStart, TrialSetup, UserInput

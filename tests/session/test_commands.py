@@ -16,7 +16,8 @@ import httpx
 import pytest
 
 from app.session.commands import ACTS, EVENTS, Circumstances, why_not
-from app.simulated.bot import Bot, enter, open_wire
+from app.simulated.bot import Bot
+from app.simulated.connection import enter, open_wire
 from app.wire import Error, Heartbeat, Notice, Page, Status
 from study.flow.flow import FLOW
 from study.flow.protocol import TERMINAL, Event, Session

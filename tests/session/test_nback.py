@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import httpx
 import pytest
 
 from app.simulated.bot import run_bot
@@ -170,6 +171,12 @@ async def test_a_restart_in_mid_trial_remembers_the_letters_before(launch: Launc
     assert [row.answer for row in rows] == [right(shown[:number]) for number in range(1, 7)]
 
 
+def certificates(lab: LabServer) -> list[str]:
+    """What the dashboard says of each."""
+    roster = httpx.get(f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False).json()
+    return [line["certificate"]["state"] for line in roster["lines"]]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("placement", ["same_page_away", "second_device"])
 async def test_a_scripted_client_answers_every_letter_right(launch: Launch, placement: str) -> None:
@@ -183,3 +190,4 @@ async def test_a_scripted_client_answers_every_letter_right(launch: Launch, plac
     assert len(answered) >= len(rows) - 3  # the last of each of the three trials may be cut off
     assert {row.correct for row in answered} == {1}
     assert {row.answer for row in answered} <= {"same", "different"}
+    assert certificates(lab) == ["complete"], "it was told of all that is saved, over both sockets"

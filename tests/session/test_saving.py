@@ -66,7 +66,7 @@ async def test_a_database_that_is_locked_holds_the_robot_and_lets_it_go_on(quick
 @contextlib.asynccontextmanager
 async def visit_unheard(link: str) -> AsyncIterator[Player]:
     """A page that opens its socket and is not welcomed yet."""
-    from app.simulated.bot import enter, open_wire
+    from app.simulated.connection import enter, open_wire
 
     async with open_wire(await enter(link), "unheard", False) as wire:
         yield Player(wire)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.simulated.bot import BotError
+from app.simulated.connection import BotError
 from app.wire import Ack, Alert, AlertClosed, Error, Input, Message, Note, Page, Ping, Status, Superseded, Tick
 from study.flow.recorded import READ_BACK
 from study.records import AlertRow, TickRow

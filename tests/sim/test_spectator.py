@@ -19,7 +19,7 @@ from websockets.typing import Subprotocol
 
 from app.session.spectators import Spectators
 from app.session.worker_link import WorkerLink
-from app.simulated.bot import enter
+from app.simulated.connection import enter
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
 from app.worker.spectator_view import EVERY_SLICES, OnDemandView
 from sim.assets import simple_look

@@ -17,7 +17,8 @@ import httpx
 
 from app.session.private_text import with_words
 from app.simulated.answers import PlainPerson
-from app.simulated.bot import BotError, Wire, enter, handed_in, open_wire
+from app.simulated.bot import handed_in
+from app.simulated.connection import BotError, Wire, enter, open_wire
 from app.wire import (
     SERVER_MESSAGE,
     Ack,

@@ -17,7 +17,8 @@ import tempfile
 from contextlib import closing
 from pathlib import Path
 
-from app.simulated.bot import Bot, enter, open_wire, run_bot
+from app.simulated.bot import Bot, run_bot
+from app.simulated.connection import enter, open_wire
 from app.wire import Tick
 from study.export.export import export_zip
 from study.store import open_store

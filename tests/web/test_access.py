@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as sync_connect
 
 from app.lab import tokens as auth
-from app.simulated.bot import enter
+from app.simulated.connection import enter
 from app.web.access import ErrorReply
 from app.wire import PROTOCOL_VERSION, Hello
 from tests.support.lab_server import EXPERIMENTER_TOKEN, LabServer

@@ -20,7 +20,7 @@ from app.config import LabConfig
 from app.lab.lab import Lab
 from app.limits import Limits, Meter, Refusals
 from app.session.session import LiveSession
-from app.simulated.bot import enter
+from app.simulated.connection import enter
 from app.web import arbiter_api
 from app.web import participant_socket as sockets
 from app.wire import PROTOCOL_VERSION, Heartbeat, Hello, Input, Message, Tick, Welcome

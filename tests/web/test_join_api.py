@@ -14,7 +14,8 @@ import httpx
 import pytest
 
 from app.limits import Limits
-from app.simulated.bot import PageAccess, open_wire, run_bot
+from app.simulated.bot import run_bot
+from app.simulated.connection import PageAccess, open_wire
 from app.wire import Error, Ping
 from study.flow.eligibility import PINGS
 from tests.support.lab_server import LabServer

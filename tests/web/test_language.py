@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from app.simulated.bot import PageAccess, enter
+from app.simulated.connection import PageAccess, enter
 from app.wire import Alert, Welcome
 from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer

@@ -19,7 +19,7 @@ from websockets.asyncio.client import connect
 
 from app.limits import Limits
 from app.session.session import LiveSession
-from app.simulated.bot import BotError, enter
+from app.simulated.connection import BotError, enter
 from app.web import participant_socket as sockets
 from app.wire import CLIENT_MESSAGE, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Error, Hello, Input, Message, Page, Ping
 from tests.support.lab_server import LabServer

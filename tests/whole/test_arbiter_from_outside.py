@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 
 from app.__main__ import main
-from app.simulated.bot import BotError, run_bot
+from app.simulated.bot import run_bot
+from app.simulated.connection import BotError
 from app.trial.world import parse_stored
 from study.export.export import read_table
 from tests.support.dashboard_client import dashboard

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from app.simulated.bot import BotError, run_bot
+from app.simulated.bot import run_bot
+from app.simulated.connection import BotError
 from tests.support.lab_server import ROOT, LabDidNotStart, LabServer
 from tests.support.outside_package import DISTRACTOR, install_distractor
 from tests.support.wire_client import SHORT, invite, visit, write_study
