@@ -96,11 +96,6 @@ class Means:
         return self.mean == self.mean
 
     @property
-    def off(self) -> float:
-        """How far ours is from the paper's mean, as a share of it."""
-        return self.mean / self.paper_mean - 1.0
-
-    @property
     def within_sd(self) -> bool:
         """Whether ours lies within one SD of the paper's mean."""
         return abs(self.mean - self.paper_mean) <= self.paper_sd

@@ -28,6 +28,8 @@ MOVED = 0.15
 CHANCE_SE = 2.0
 """A share this many standard errors below its aim, or nearer, may be below it by the luck of the studies."""
 
+BOTH = "size and noise together"
+
 Spread = Mapping[tuple[Key, str], tuple[float, float]]
 """Mean and SD of our values, by measure, kind and condition."""
 
@@ -75,6 +77,7 @@ def experiments(studies: Sequence[Values], base: Sequence[Share], workers: int) 
     found = [
         tried("the paper's SD", "residual noise", changed(scaled), base),
         tried("the paper's means", "size of the difference", changed(moved), base),
+        tried("the paper's means and SD", BOTH, changed(lambda one, key: moved(scaled(one, key), key)), base),
         tried("no covariates", "model of covariates", changed(_alone), base),
         tried("fixed covariates", "model of covariates", studies, base, "fixed"),
     ]

@@ -12,6 +12,7 @@ from app.replication import spread as people_spread
 from app.replication.ceiling import IMPLIED_LEGEND, ceiling, implied_table
 from app.replication.ceiling import LEGEND as CEILING_LEGEND
 from app.replication.comparisons import SIGN_AIM, SIGNIFICANT_AIM
+from app.replication.fit import ANCHORS
 from app.replication.formats import CONDITION_NAMES, MEASURE_NAMES, code, columns, name_of, number, percent
 from app.replication.paper import BALANCED, CIRCULAR, GOAL_ORIENTED, TELEOPERATION, UNCERTAIN_WINDOWS
 from app.replication.replicate import Replication, calibrated_alpha
@@ -186,19 +187,27 @@ def _verdict(result: Replication) -> str:
     return "\n\n".join(lines)
 
 
+def _anchor_name(measure: str, kind: str, statistic: str) -> str:
+    return f"{'SD of ' if statistic == 'sd' else ''}{MEASURE_NAMES[measure]} {kind}"
+
+
 def _anchors_table(result: Replication) -> str:
     rows: list[tuple[str, ...]] = [("pure teleoperation", "paper", "ours", "off", "aim")]
-    for item in result.means:
-        if item.condition == TELEOPERATION and item.measure not in CIRCULAR:
-            rows.append(
-                (
-                    f"{MEASURE_NAMES[item.measure]} {item.kind}",
-                    number(item.paper_mean, item.measure),
-                    number(item.mean, item.measure),
-                    f"{item.off:+.0%}" if item.known else "no values",
-                    "" if not item.known else "met" if abs(item.off) <= rule().anchor_tolerance else "MISSED",
-                )
+    of_measure = {(item.measure, item.kind): item for item in result.means if item.condition == TELEOPERATION}
+    for anchor in ANCHORS:
+        item = of_measure[anchor.measure, anchor.kind]
+        ours = item.mean if anchor.statistic == "mean" else item.sd
+        off = ours / anchor.value - 1.0
+        known = off == off
+        rows.append(
+            (
+                _anchor_name(anchor.measure, anchor.kind, anchor.statistic),
+                number(anchor.value, anchor.measure),
+                number(ours, anchor.measure) if known else "no values",
+                f"{off:+.0%}" if known else "",
+                "" if not known else "met" if abs(off) <= rule().anchor_tolerance else "MISSED",
             )
+        )
     return columns(rows)
 
 
@@ -286,7 +295,11 @@ def _fit_table() -> str:
     for place, anchor in enumerate(first["anchors"]):
         ours = (number(item["anchors"][place]["ours"], anchor["measure"]) for item in found["variants"].values())
         rows.append(
-            (f"{MEASURE_NAMES[anchor['measure']]} {anchor['kind']}", number(anchor["paper"], anchor["measure"]), *ours)
+            (
+                _anchor_name(anchor["measure"], anchor["kind"], anchor.get("statistic", "mean")),
+                number(anchor["paper"], anchor["measure"]),
+                *ours,
+            )
         )
     rows.append(("misfit", "", *(f"{item['misfit']:.1f}" for item in found["variants"].values())))
     windows = (f"{item['windows_above_entropy']} of {item['windows']}" for item in found["variants"].values())

@@ -28,7 +28,8 @@ def reasons_section(result: Replication) -> list[str]:
 
 _ABOUT = (
     "Each experiment changes one thing and tests the same comparison again. *The paper's SD*: our values, as far from "
-    "their mean as the paper's standard deviation has it. *The paper's means*: our values around the paper's means. "
+    "their mean as the paper's standard deviation has it. *The paper's means*: our values around the paper's means; "
+    "then both. "
     "*No covariates*, *fixed covariates*: the same values in another model. *Twice the people*: two studies joined. "
     "The others are simulated anew, with alpha at a third or three times its value, or without differences between "
     "people; their shares stand beside those of the same studies unchanged. What reaches the aim alone is a reason "

@@ -162,6 +162,9 @@ def test_tasks_are_counted_by_condition_and_kind() -> None:
     assert "MISSED" in sentence(summed_up(tasks))
     assert met(summed_up(tasks[:1]))
     assert "nothing can be said" in sentence(summed_up(tasks[2:]))
+    assert "takes 400 ticks; the aim, none beyond the paper's mean plus three SD (353), is MISSED" in sentence(
+        summed_up(tasks)
+    )
 
 
 def test_who_reached_a_time_limit_is_simulated_without() -> None:

@@ -17,7 +17,7 @@ from app.trial.setup import CALIBRATION_SEED
 from app.trial.world import open_study
 from study.definition.sections import ArbiterSettings, DistractorSettings, RobotSettings
 
-COMING = ("calibrated_on", "keep_way_on")
+COMING = ("calibrated_on",)
 """Settings that come with the same change of the default."""
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "topics" / "choosing-the-default.md"
 
