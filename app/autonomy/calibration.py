@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +21,10 @@ from app.autonomy.arrays import FloatArray, checked_goals_m, checked_points_m
 from app.autonomy.belief import belief_entropy
 from app.autonomy.errors import AutonomyError
 from app.autonomy.hindsight import hindsight_reward
-from app.autonomy.information import expected_information_gain
+from app.autonomy.looking import Looking, look
 from app.autonomy.transition import TransitionModel
 
+PRINTED = Looking()
 CROSSING_SAMPLES = 400
 SHARE_SAMPLES = 200
 
@@ -32,6 +34,32 @@ _BISECTIONS = 60
 _NO_RANGE = 1e-15
 
 
+BANDS = ((0.7, 1.0), (0.3, 0.7), (0.0, 0.3))
+"""Little known, in between, much known: the paper's bounds (IV-A)."""
+VISITED_ENTROPIES = (0.4, 0.6)
+LEAST_VISITS = 30
+"""Fewer states near half entropy than this say nothing about a study."""
+
+
+class Visit(NamedTuple):
+    """A state in which the hands left the controls, and what was believed there."""
+
+    position_m: FloatArray  # (3,)
+    momentum: FloatArray  # (3,)
+    goals_m: FloatArray  # (G, 3)
+    belief: FloatArray  # (G,)
+
+
+class Band(NamedTuple):
+    """Entropies between two bounds, in use: the share of visited states that lie there, and in how many of them
+    information has the larger weighted range."""
+
+    low: float
+    high: float
+    states: float
+    information_leads: float
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The result, with what speaks for it.
@@ -39,7 +67,7 @@ class Calibration:
     ``share_information_above_0_7``: of sampled states with H in (0.7, 0.99), the share where information has
     the larger weighted range. ``share_goals_below_0_3``: with H in (0.01, 0.3), the share where goals have
     it. ``ratio_quartiles``: first and third quartile of the ratio whose median is ``alpha``. ``samples``: how
-    many states ``alpha`` rests on.
+    many states ``alpha`` rests on. ``in_use``: of visited states, by entropy; empty for sampled ones.
     """
 
     alpha: float
@@ -47,6 +75,44 @@ class Calibration:
     share_goals_below_0_3: float
     samples: int
     ratio_quartiles: tuple[float, float]
+    in_use: tuple[Band, ...] = ()
+
+
+def calibrate_on_visits(
+    visits: Sequence[Visit], model: TransitionModel, rationality_per_m: float, looking: Looking = PRINTED
+) -> Calibration:
+    """The median of range(R_HO) / (f1^2 range(I)) over visited states with H from 0.4 to 0.6; I as the arbiter looks at
+    it.
+
+    Raises:
+        AutonomyError: too few such states, or values out of bounds.
+    """
+    entropies = np.array([belief_entropy(visit.belief) for visit in visits])
+    ratios = np.array([_ratio(visit, model, rationality_per_m, looking) for visit in visits])
+    low, high = VISITED_ENTROPIES
+    crossing = ratios[(entropies >= low) & (entropies <= high) & np.isfinite(ratios)]
+    if crossing.size < LEAST_VISITS:
+        raise AutonomyError(
+            f"calibrated_on is 'visited'; only {crossing.size} of {len(visits)} visited states have an entropy from "
+            f'{low:g} to {high:g}, {LEAST_VISITS} are needed. It must be "sampled", or alpha a number, in this study'
+        )
+    alpha = float(np.median(crossing))
+    bands = tuple(_band(low, high, entropies, ratios, alpha) for low, high in BANDS)
+    first, third = (float(quartile) for quartile in np.quantile(crossing, (0.25, 0.75)))
+    return Calibration(
+        alpha=alpha,
+        share_information_above_0_7=bands[0].information_leads,
+        share_goals_below_0_3=1.0 - bands[-1].information_leads,
+        samples=int(crossing.size),
+        ratio_quartiles=(first, third),
+        in_use=bands,
+    )
+
+
+def _band(low: float, high: float, entropies: FloatArray, ratios: FloatArray, alpha: float) -> Band:
+    inside = (entropies >= low) & ((entropies < high) | (high == 1.0))
+    leads = float((ratios[inside] < alpha).mean()) if inside.any() else 0.0
+    return Band(low, high, float(inside.mean()), leads)
 
 
 def calibrate_alpha(
@@ -57,6 +123,7 @@ def calibrate_alpha(
     seed: int,
     target_entropy: float = 0.5,
     tolerance: float = 0.03,
+    looking: Looking = PRINTED,
 ) -> Calibration:
     """The median of range(R_HO) / (f1^2 range(I)) over a seeded sample with H within ``tolerance`` of the
     target.
@@ -71,6 +138,7 @@ def calibrate_alpha(
         seed: makes the sample repeatable.
         target_entropy: where the two terms should cross, in (0, 1).
         tolerance: half width of the sampled band around it.
+        looking: where the arbiter looks at information.
 
     Raises:
         AutonomyError: no set with two goals or more, values out of bounds, or goals that no action tells
@@ -91,7 +159,7 @@ def calibrate_alpha(
     rng = np.random.default_rng(seed)
 
     def sampled_ratios(entropies: tuple[float, float], count: int) -> FloatArray:
-        return _ratios(rng, goals, bounds_m, model, rationality_per_m, entropies, count)
+        return _ratios(rng, goals, bounds_m, model, rationality_per_m, entropies, count, looking)
 
     crossing = sampled_ratios((target_entropy - tolerance, target_entropy + tolerance), CROSSING_SAMPLES)
     informative = crossing[np.isfinite(crossing)]
@@ -135,6 +203,7 @@ def _ratios(
     rationality_per_m: float,
     entropies: tuple[float, float],
     count: int,
+    looking: Looking,
 ) -> FloatArray:
     """range(R_HO) / (f1^2 range(I)) of ``count`` sampled states and beliefs, (count,); inf where I is
     flat."""
@@ -147,9 +216,13 @@ def _ratios(
         members = np.flatnonzero(chosen_sets == set_index)
         beliefs = beliefs_of_entropy(rng, goals_m.shape[0], wanted[members])
         for member, belief in zip(members, beliefs, strict=True):
-            state = (positions_m[member], momenta[member], goals_m, belief, model)
-            gain_range = float(np.ptp(expected_information_gain(*state, rationality_per_m)))
-            f1, _ = entropy_weights(belief_entropy(belief))
-            reward_range_m = float(np.ptp(hindsight_reward(*state)))
-            ratios[member] = reward_range_m / (f1**2 * gain_range) if gain_range > _NO_RANGE else np.inf
+            visit = Visit(positions_m[member], momenta[member], goals_m, belief)
+            ratios[member] = _ratio(visit, model, rationality_per_m, looking)
     return ratios
+
+
+def _ratio(visit: Visit, model: TransitionModel, rationality_per_m: float, looking: Looking) -> float:
+    """range(R_HO) / (f1^2 range(I)); inf where I is flat."""
+    gain_range = float(np.ptp(look(looking, *visit, model, rationality_per_m)))
+    f1, _ = entropy_weights(belief_entropy(visit.belief))
+    return float(np.ptp(hindsight_reward(*visit, model))) / (f1**2 * gain_range) if gain_range > _NO_RANGE else np.inf

@@ -29,6 +29,10 @@ _LAB: Changes = {
         "planning_delay": 0.2,
         "transition": "mix",
         "stickiness": 0.003,
+        "information": "next",
+        "look_ahead_m": 0.20,
+        "calibrated_on": "sampled",
+        "keep_way_on": False,
     },
     "robot": {"speed_m_s": 0.04},
     "distractor": {"placement": "same_page_away"},
@@ -66,6 +70,17 @@ _PRESETS: Mapping[str, Changes] = {
 }
 
 
+_MECHANISMS: Changes = _like(_PRESETS["fitted"], {"arbiter": {"calibrated_on": "visited", "keep_way_on": True}})
+"""The `fitted` arm, alpha on visited states, and the arm kept to where it can go on. The presets of it differ in where
+information is looked at."""
+
+_INFORMATION: Mapping[str, Mapping[str, Any]] = {
+    "ahead": {"information": "ahead", "look_ahead_m": 0.20},
+    "at_rest": {"information": "at_rest", "look_ahead_m": 0.20},
+    "averaged": {"information": "averaged", "look_ahead_m": 0.20},
+}
+
+
 def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
     """The study with those numbers or words in its file replaced. No change returns the study itself.
 
@@ -85,9 +100,10 @@ def preset_changes(name: str | None, *, layout: bool = True) -> Changes:
     taken too: a file of one's own may have another number of objects. `LabError` names the presets."""
     if name is None:
         return {}
-    if name not in _PRESETS:
+    presets = {**_PRESETS, **{name: _like(_MECHANISMS, {"arbiter": looks}) for name, looks in _INFORMATION.items()}}
+    if name not in presets:
         raise LabError(f"no preset {name!r}; presets are {', '.join(PRESET_NAMES)}")
-    return {section: values for section, values in _PRESETS[name].items() if layout or section}
+    return {section: values for section, values in presets[name].items() if layout or section}
 
 
 def fitted() -> dict[str, Any]:

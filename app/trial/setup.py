@@ -11,14 +11,16 @@ from typing import Any, Literal
 import numpy as np
 
 from app.autonomy.arbiters.weighing import CALIBRATED
-from app.autonomy.calibration import Calibration, calibrate_alpha
+from app.autonomy.calibration import PRINTED, Band, Calibration, calibrate_alpha, calibrate_on_visits
 from app.autonomy.errors import AutonomyError
 from app.autonomy.interface import Arbiter, Models
+from app.autonomy.looking import Looking
 from app.autonomy.transition import TransitionModel
 from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.labels import Labels
 from app.trial.parts import ARBITERS, make_arbiter, make_distractor, make_inference, named, shelf
 from app.trial.values import BOLTZMANN, CycleSetup, RobotTiming, TimeLimits, TrialSetup
+from app.trial.visits import visits
 from app.trial.world import layout_of
 from sim.layouts import Layout, practice_scene
 from sim.layouts import scene as layout_scene
@@ -151,14 +153,18 @@ class StudySetup:
         """Every parameter of the arbiter under one condition, and the models it reasons with, for the record."""
         arbiter, inference = self.arbiters[condition_id], self.inferences[condition_id]
         models = self.models(condition_id)
+        # Records from before there was a choice say nothing of it.
+        unsaid = ("information", "look_ahead_m") if arbiter.parameters.get("information") == "next" else ()
         weights = {name: arbiter.parameters[name] for name in _WEIGHTS if name in arbiter.parameters}
         recorded = {
             "condition": arbiter.name,
             **weights,
             "rationality_per_m": models.rationality_per_m,
-            **{name: value for name, value in arbiter.parameters.items() if name not in weights},
+            **{name: value for name, value in arbiter.parameters.items() if name not in (*weights, *unsaid)},
             "transition": vars(models.transition),
         }
+        if self.study.arbiter.calibrated_on != "sampled" and "alpha" in weights:
+            recorded["calibrated_on"] = self.study.arbiter.calibrated_on
         if self.study.arbiter.keep_way_on:
             recorded["keep_way_on"] = True
         if inference != BOLTZMANN:
@@ -184,19 +190,22 @@ def study_setup(study: Study, trust: bool = False) -> StudySetup:
     package that is not the one the study was made with, a class that is broken.
     """
     held, layout = shelf(trust), layout_of(study)
-    calibration: Calibration | None = None
+    calibrations: dict[Looking, Calibration] = {}
     arbiters, inferences = {}, {}
     for condition in study.conditions:
         code = code_among(study.codes, "arbiter", condition.arbiter)
         given = parameters_of(condition, study.arbiter, held.load("arbiter", condition.arbiter, code).Parameters)
         if given.get("alpha") == CALIBRATED:
-            calibration = calibration or _calibrate(study, layout)
-            given = {**given, "alpha": calibration.alpha}
+            looking = _looking(given)
+            if looking not in calibrations:
+                calibrations[looking] = _calibrate(study, layout, looking)
+            given = {**given, "alpha": calibrations[looking].alpha}
         arbiters[condition.id] = named("arbiter", condition.arbiter, given, study.codes, held)
         chosen = condition.inference or study.inference
         inferences[condition.id] = named("inference", chosen.kind, chosen.parameters, study.codes, held)
     distractor = GuardedDistractor(make_distractor(study.distractor, study.codes, trust))
-    setup = StudySetup(study, layout, calibration, arbiters, inferences, distractor)
+    first = next(iter(calibrations.values()), None)
+    setup = StudySetup(study, layout, first, arbiters, inferences, distractor)
     for condition in study.conditions:  # what cannot be made is told now, not in a trial
         setup.arbiter(condition.id)
         make_inference(setup.inferences[condition.id], setup.models(condition.id))
@@ -217,6 +226,13 @@ def _models(settings: ArbiterSettings, instead: Mapping[str, Any]) -> Models:
 def calibration_text(calibration: Calibration) -> str:
     """The weight and how well it does what the paper wants of it (IV-A), in one line."""
     vague, sure = calibration.share_information_above_0_7, calibration.share_goals_below_0_3
+    if calibration.in_use:
+        low, high = calibration.ratio_quartiles
+        return (
+            f"alpha is calibrated to {calibration.alpha:.4g}, on {calibration.samples} states in which hands leave the "
+            f"controls in teleoperation, near half entropy (quartiles {low:.4g} and {high:.4g}). In use, by entropy: "
+            + "; ".join(_band_text(band) for band in calibration.in_use)
+        )
     return (
         f"alpha is calibrated to {calibration.alpha:.4g}. Of sampled states, information weighs more than "
         f"goals in {vague:.0%} with a vague belief (entropy above 0.7), goals weigh more in {sure:.0%} with a sure one "
@@ -224,16 +240,39 @@ def calibration_text(calibration: Calibration) -> str:
     )
 
 
-def _calibrate(study: Study, layout: Layout) -> Calibration:
+def _band_text(band: Band) -> str:
+    """A band of entropies in use, as `0.3 to 0.7: 26% of states, information leads in 44%, goals in 56%`."""
+    leads = band.information_leads
+    return (
+        f"{band.low:g} to {band.high:g}: {band.states:.0%} of states, information leads in {leads:.0%}, goals in "
+        f"{1.0 - leads:.0%}"
+    )
+
+
+def _looking(parameters: Mapping[str, Any]) -> Looking:
+    """Where an arbiter with these parameters looks at information; one that cannot be is told with its parameters."""
+    try:
+        return Looking(parameters.get("information", "next"), parameters.get("look_ahead_m", PRINTED.look_ahead_m))
+    except (AutonomyError, TypeError):
+        return PRINTED
+
+
+def _calibrate(study: Study, layout: Layout, looking: Looking) -> Calibration:
     """Over the goals a participant can meet: all objects of the layout, fewer of them, and the bins."""
+    models = _models(study.arbiter, {})
+    if study.arbiter.calibrated_on == "visited":
+        way_m = study.robot.speed_m_s * TICK_S
+        found = visits(layout, study.objects, study.bins, study.pickups_per_trial, models, way_m, CALIBRATION_SEED)
+        return calibrate_on_visits(found, models.transition, models.rationality_per_m, looking)
     scene = layout_scene(layout, study.objects, study.objects)
     grasps = np.array([_grasp(scene.object(name)) for name in study.objects])
     bins = np.array([item.release_world_m for item in layout.bins])
     goal_sets = [grasps, *(grasps[left_out:] for left_out in range(1, study.pickups_per_trial)), bins]
     low = grasps.min(axis=0) - 0.10
     high = np.maximum(grasps.max(axis=0), bins.max(axis=0)) + 0.05
-    models = _models(study.arbiter, {})
-    return calibrate_alpha(goal_sets, (low, high), models.transition, models.rationality_per_m, CALIBRATION_SEED)
+    return calibrate_alpha(
+        goal_sets, (low, high), models.transition, models.rationality_per_m, CALIBRATION_SEED, looking=looking
+    )
 
 
 def _grasp(placed: Any) -> tuple[float, float, float]:

@@ -17,7 +17,13 @@ from pydantic import BaseModel, Field
 
 from app.autonomy.actions import DIRECTIONS, index_of
 from app.autonomy.arbiters.goal_oriented import GoalOriented
-from app.autonomy.arbiters.weighing import WeighingArbiter, Weights, WeightsWithoutInformation, number
+from app.autonomy.arbiters.weighing import (
+    WeighingArbiter,
+    Weights,
+    WeightsOfInformation,
+    WeightsWithoutInformation,
+    number,
+)
 from app.autonomy.errors import AutonomyError
 from app.autonomy.evaluation import evaluate, state_of
 from app.autonomy.interface import Models
@@ -163,7 +169,8 @@ def arbiters_of(request: EvaluateRequest, setup: StudySetup) -> tuple[WeighingAr
         kind=request.transition or models.transition.kind,
     )
     asked = Models(request.rationality_per_m or models.rationality_per_m, model)
-    weighing = kind(Weights(**{**asdict(weights), "stickiness": 0.0, **named}), asked)
+    looks = WeightsOfInformation if isinstance(weights, WeightsOfInformation) else Weights
+    weighing = kind(looks(**{**asdict(weights), "stickiness": 0.0, **named}), asked)
     return weighing, None if isinstance(usual, WeighingArbiter) else found
 
 

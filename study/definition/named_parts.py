@@ -12,6 +12,7 @@ from study.definition.field_types import PART_NAME, Part
 from study.definition.part_fields import field_names, parameter_problems
 from study.definition.sections import (
     MODEL_FIELDS,
+    SAID_FIELDS,
     ArbiterSettings,
     CodeText,
     Condition,
@@ -223,6 +224,7 @@ _BASES: Mapping[str, type[Part]] = {
 def parameters_of(condition: Condition, settings: ArbiterSettings, parameters: type) -> dict[str, Any]:
     """What an arbiter takes under a condition: the condition's own, then those of `[arbiter]` it knows by name."""
     known = field_names(parameters)
-    usual = settings.model_dump(exclude=set(MODEL_FIELDS))
+    unsaid = {name for name in SAID_FIELDS if name not in settings.model_fields_set}
+    usual = settings.model_dump(exclude={*MODEL_FIELDS, *unsaid})
     shared = {name: value for name, value in usual.items() if name in known}
     return {**shared, **condition.parameters}

@@ -153,6 +153,10 @@ MODEL_FIELDS = ("rationality_per_m", "step_m", "planning_delay", "transition")
 """Of `[arbiter]`: the models of the person and of the arm, which every condition has."""
 
 
+SAID_FIELDS = ("information", "look_ahead_m")
+"""Of `[arbiter]`: what arbiters are given only where the file says it; one of somebody else's may call it so, too."""
+
+
 class ArbiterSettings(Part):
     """The model of the person and of the robot's motion that the arbiter reasons with."""
 
@@ -164,6 +168,13 @@ class ArbiterSettings(Part):
     entropy_floor: float = number(default=0.1, gt=0.0, le=1.0)
     """Below this entropy the weights change no more; 0.1 in the paper."""
     stickiness: float = number(default=0.003, ge=0.0, le=1.0)
+    information: Literal["next", "ahead", "at_rest", "averaged"] = "next"
+    """Where an arbiter looks at expected information: `next` is the paper's equation."""
+    look_ahead_m: float = number(default=0.20, gt=0.0, le=1.0)
+    """How far on `ahead` looks."""
+    calibrated_on: Literal["sampled", "visited"] = "sampled"
+    """What a calibrated alpha rests on: states and beliefs drawn at random from the layout, or those in which a plain
+    person's hands leave the controls in pure teleoperation."""
     keep_way_on: Flag = False
     """Whether the arm, with the hands off, goes only where it can go on from toward every goal it may have to serve."""
 

@@ -32,8 +32,8 @@ from app.autonomy.arrays import FloatArray
 from app.autonomy.belief import Belief
 from app.autonomy.errors import AutonomyError
 from app.autonomy.hindsight import rewards_of_moves_m
-from app.autonomy.information import information_gain_ahead
 from app.autonomy.interface import Arbiter, Explanation, Feasible, Models, State
+from app.autonomy.looking import MAX_LOOK_AHEAD_M, Looking, Place
 
 TIE_TOLERANCE = 1e-12
 """Scores this close to the best are equal: the previous direction is kept, else the lowest index wins."""
@@ -89,6 +89,34 @@ class Weights:
         if not 0.0 < self.entropy_floor <= 1.0:
             raise AutonomyError(f"entropy_floor is {self.entropy_floor!r}; it must be in (0, 1]")
 
+    @property
+    def looking(self) -> Looking:
+        """Where information is looked at: as the paper prints it."""
+        return PRINTED
+
+
+PRINTED = Looking()
+
+
+@dataclass(frozen=True)
+class WeightsOfInformation(Weights):
+    """Those of an arbiter that looks for information, and where it looks at it (`app.autonomy.looking`)."""
+
+    information: Place = "next"
+    """`next`: in the state that an action leads to, the paper's equation. `ahead`: `look_ahead_m` on in its direction.
+    `at_rest`: in the same place, at rest. `averaged`: there, over the momentum that the person's next action leaves."""
+    look_ahead_m: Annotated[float, Gt(0.0), Le(MAX_LOOK_AHEAD_M)] = 0.20
+    """How far on `ahead` looks, in metres."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        Looking(self.information, self.look_ahead_m)
+
+    @property
+    def looking(self) -> Looking:
+        """Where information is looked at."""
+        return Looking(self.information, self.look_ahead_m)
+
 
 @dataclass(frozen=True)
 class WeightsWithoutInformation(Weights):
@@ -141,9 +169,10 @@ class Weighing:
         return next_positions_m
 
     @cached_property
-    def information_gain(self) -> FloatArray:  # eq. 11 at T(x, u)
+    def information_gain(self) -> FloatArray:  # eq. 11, at T(x, u) where nothing else is said
         """I, (27,), in units of log |goals|."""
-        return information_gain_ahead(
+        return self._weights.looking.gains(
+            self._position_m,
             self._next_positions_m,
             self._state.goals_m,
             self._belief.probabilities,
