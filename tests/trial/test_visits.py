@@ -94,5 +94,5 @@ def test_too_few_visits_near_half_entropy_are_told() -> None:
     of = study(calibrated_on="visited")
     few = visited(of, study_setup(of))[:20]
     models = study_setup(of).models("balanced")
-    with pytest.raises(AutonomyError, match="of 20 visited states have an entropy from 0.4 to 0.6, 30 are needed"):
+    with pytest.raises(AutonomyError, match="of 20 visited states have an entropy"):
         calibrate_on_visits(few, models.transition, models.rationality_per_m)
