@@ -17,21 +17,21 @@ from app.__main__ import main
 from app.errors import LabError
 from app.simulated.participant import Record
 from app.simulated.study import Plan, make_plan, run_jobs, simulate
-from app.simulated.variants import changed_study, fitted_population, preset_changes
+from app.simulated.variants import changed_study, fitted_population
 from app.trial.world import open_study
 from study.definition.study import orders
 from study.export.export import read_meta, read_table
 from study.records import TABLES
 from tests.support.jobs import dies, fails_at_two
+from tests.support.study_samples import small_study
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL = {"": {"pickups_per_trial": 1}, **preset_changes("fitted")}
 
 
 def small_plan(seed: int = 7) -> Plan:
-    return Plan(changed_study(open_study(None), SMALL).source_text, seed, population=fitted_population())
+    return Plan(small_study().source_text, seed, population=fitted_population())
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -56,9 +56,8 @@ def test_the_folder_is_an_export(export: Path) -> None:
 
 
 def test_orders_are_taken_in_turn(export: Path) -> None:
-    study = changed_study(open_study(None), SMALL)
     taken = [tuple(row.condition_order.split(">")) for row in read_table(export, "participants")]
-    assert taken == list(orders(study)[:3])
+    assert taken == list(orders(small_study())[:3])
 
 
 def test_two_processes_leave_the_same_bytes(export: Path, tmp_path: Path) -> None:

@@ -35,6 +35,12 @@ def lab_text() -> str:
     return lab_study().source_text
 
 
+@cache
+def small_study() -> Study:
+    """The same with one object a trial: for tests that simulate people."""
+    return changed_study(lab_study(), {"": {"pickups_per_trial": 1}})
+
+
 def append_tick(store: Store, row: TickRow, practice: bool = False, **rows: Any) -> None:
     """One tick and everything that happened in it, as one commit."""
     ticks: dict[str, Any] = {"practice_ticks" if practice else "ticks": (row,)}
