@@ -10,11 +10,16 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 CHECK_JS := $(PY) -m tests.javascript.check
 ON_ALL_CORES := --numprocesses auto --dist loadscope
+# One process more than there are cores, since tests wait too. Files begin in the order of tests/conftest.py.
+WHOLE_SUITE := --numprocesses $$($(PY) -c 'import os; print((os.cpu_count() or 1) + 1)') --dist loadscope --no-loadscope-reorder
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
 
 SHELL := /bin/sh
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
+
+# Python keeps what it compiled, whatever the machine's environment says: the tests start hundreds of processes.
+unexport PYTHONDONTWRITEBYTECODE
 
 # A .venv whose interpreter went away is made anew, whatever its stamps say.
 ifneq ($(shell $(PY) -c 'print("ok")' 2>/dev/null),ok)
@@ -67,10 +72,8 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@$(PY) -m mypy
 	@echo "== JavaScript"
 	@$(CHECK_JS)
-	@echo "== pytest: what needs no browser, on all cores"
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
-	@echo "== pytest: what drives a browser, file by file, two at a time"
-	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m browser
+	@echo "== pytest: file by file, on all cores; what drives a browser waits much, and runs beside the rest"
+	@$(PY) -m pytest $(WHOLE_SUITE)
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
