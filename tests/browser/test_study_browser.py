@@ -16,12 +16,13 @@ import pytest
 from playwright.sync_api import Error as PlaywrightError
 
 from app.simulated.pilot import Pilot
-from study.definition.study import DEFAULT_STUDY, load_study
+from study.definition.study import load_study
 from study.export.export import export, read_table
 from study.store import open_store
 from tests.support.browser_person import BrowserPerson
 from tests.support.lab_server import LabServer
 from tests.support.shipped_world import STUDY_OBJECTS
+from tests.support.study_samples import lab_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Page
@@ -35,7 +36,7 @@ STEP_M = SPEED_M_S * 0.5
 @pytest.fixture
 def short_study(tmp_path: Path) -> Path:
     """The paper's study with two conditions, one object a trial and a somewhat faster arm."""
-    text = DEFAULT_STUDY.read_text(encoding="utf-8")
+    text = lab_text()
     for before, after in (
         ("pickups_per_trial = 3", "pickups_per_trial = 1"),
         ("every_s = 20.0", "every_s = 40.0"),

@@ -12,6 +12,7 @@ import pytest
 from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import install_project, installed_at, salab
+from tests.support.wire_client import write_study
 
 EXAMPLE = ROOT / "docs" / "examples" / "04_robot"
 UP_TO_THE_CEILING = """
@@ -56,8 +57,9 @@ def test_it_stops_below_the_ceiling_and_says_why(environment: dict[str, str]) ->
 
 def test_simulated_people_work_with_it(environment: dict[str, str], tmp_path: Path) -> None:
     out = tmp_path / "out"
-    arguments = ("simulate", "--robot", "low_ceiling", "--participants", "1", "--seed", "4", "--out", str(out))
-    done = salab(*arguments, environment=environment)
+    study = str(write_study(tmp_path))
+    arguments = ("simulate", "--study", study, "--robot", "low_ceiling", "--participants", "1", "--seed", "4")
+    done = salab(*arguments, "--out", str(out), environment=environment)
     assert done.returncode == 0, done.stderr
     assert max(row.p_z for row in read_table(out, "ticks")) <= 1.0
     assert json.loads((out / "meta.json").read_text(encoding="utf-8"))["simulated"]["robot"] == "low_ceiling"

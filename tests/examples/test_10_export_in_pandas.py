@@ -9,13 +9,15 @@ from pathlib import Path
 from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import salab
+from tests.support.wire_client import write_study
 
 EXAMPLE = ROOT / "docs" / "examples" / "10_export_in_pandas" / "success_by_condition.py"
 
 
 def test_the_table_counts_what_the_export_holds(tmp_path: Path) -> None:
     out = tmp_path / "pilot"
-    assert salab("simulate", "--participants", "2", "--seed", "7", "--out", str(out)).returncode == 0
+    study = str(write_study(tmp_path))  # the example counts as well in a short one
+    assert salab("simulate", "--study", study, "--participants", "2", "--seed", "7", "--out", str(out)).returncode == 0
     command = [sys.executable, "-W", "error", str(EXAMPLE), str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")

@@ -20,10 +20,12 @@ from playwright.sync_api import sync_playwright
 from app.report.layout_picture import write_layout_picture
 from app.simulated.pilot import Pilot
 from app.trial.world import layout_of, open_study
+from sim.interface import TICK_S
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.support import chromium
 from tests.support import lab_server as labs
 from tests.support.browser_person import BrowserPerson
+from tests.support.study_samples import shipped_study
 from tests.support.wire_client import COMPREHENSION, OPEN, invite, write_study
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 EXAMPLE = FOLDER.parent / "examples" / "05_layout" / "study.toml"
 MAX_BYTES = 150_000
 WIDTH_PX, HEIGHT_PX = 1280, 720
-STEP_M = 0.02
+SHIPPED = shipped_study().source_text
+STEP_M = shipped_study().robot.speed_m_s * TICK_S
 SHORT = {"practice = true ": "practice = false ", "pickups_per_trial = 3 ": "pickups_per_trial = 1 "}
 SECOND_DEVICE = {
     **SHORT,
@@ -123,7 +126,7 @@ def drive_to_the_end(person: BrowserPerson) -> None:
 
 def participant(camera: Camera, folder: Path) -> None:
     """One person on one screen: set-up, driving, a reading, the questionnaire."""
-    with labs.start(folder / "one", "--study", str(write_study(folder, SHORT))) as lab:
+    with labs.start(folder / "one", "--study", str(write_study(folder, SHORT, SHIPPED))) as lab:
         page = camera.page()
         page.goto(lab.base_url)
         keep("front", page.screenshot())
@@ -148,7 +151,7 @@ def participant(camera: Camera, folder: Path) -> None:
 
 def second_device(camera: Camera, folder: Path) -> None:
     """The readings on a device of their own, and what the experimenter sees meanwhile."""
-    with labs.start(folder / "two", "--study", str(write_study(folder, SECOND_DEVICE))) as lab:
+    with labs.start(folder / "two", "--study", str(write_study(folder, SECOND_DEVICE, SHIPPED))) as lab:
         links = [invite(lab, label=label) for label in PEOPLE]
         page, panel, desk = camera.page(), camera.page(), camera.page()
         person = BrowserPerson(page, STEP_M)
@@ -185,7 +188,7 @@ def second_device(camera: Camera, folder: Path) -> None:
 
 def open_link(camera: Camera, folder: Path) -> None:
     """The open link of a study that recruits online."""
-    with labs.start(folder / "open", "--robot", "kinematic", "--study", str(write_study(folder, OPEN))) as lab:
+    with labs.start(folder / "open", "--robot", "kinematic", "--study", str(write_study(folder, OPEN, SHIPPED))) as lab:
         page = camera.page()
         page.goto(f"{lab.base_url}/join?PROLIFIC_PID=5f1e2d3c4b5a69788796a5b4&STUDY_ID=1&SESSION_ID=1")
         page.get_by_role("button", name="Begin").wait_for(timeout=30_000)

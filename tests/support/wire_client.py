@@ -66,9 +66,9 @@ OPEN = {
 """What opens the shipped study to people with an id, and lets in only those whose device fits."""
 
 
-def write_study(folder: Path, changes: Mapping[str, str] | None = None) -> Path:
-    """The study that shipped first with parts of its text replaced; each must be there exactly once."""
-    text = lab_text()
+def write_study(folder: Path, changes: Mapping[str, str] | None = None, text: str | None = None) -> Path:
+    """The study that shipped first, or one with that text, with parts replaced; each must be there exactly once."""
+    text = lab_text() if text is None else text
     for old, new in (SHORT if changes is None else changes).items():
         assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the study file"
         text = text.replace(old, new)
