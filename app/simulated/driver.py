@@ -11,9 +11,8 @@ they have come far enough, or stops to look. Between movements the hands are sti
 - Near the target one goes in taps of one tick with a look after each (`fine_m`, `fine_pause`).
 - A look ends at once when the arm, by itself, moves away from where it is wanted.
 - Before the gripper is used one looks again a few times (`checks`).
-- Each task finds a person in another state (`app.simulated.task_state`): practised, tired, in a mood, mixed up, wrong
-  about depth. On arriving one may not like what one sees, back out and come again (`second_try`). A carried object is
-  lifted more than it must be (`lift_m`); now and then a finger finds a gripper button (`wrong_button`).
+- Each task finds a person in another state (`app.simulated.task_state`), who may back out and try again (`second_try`),
+  lift high (`lift_m`), hold on where the arm undoes taps (`firmness`), and press a wrong button (`wrong_button`).
 - A reading takes the hands away (`errand`): reaction, time away, and a moment before going on.
 
 The driver knows nothing of the condition. Whatever the robot did meanwhile, it looks and goes on from there.
@@ -33,7 +32,6 @@ from app.simulated.pilot import APPROACH_M, CLEARANCE_M, PRACTICE_OFFSET_M, STUC
 from app.simulated.task_state import Course, TaskState
 from app.simulated.traits import Traits
 from app.trial.values import NO_INPUT, UserInput
-from sim.interface import TICK_S
 
 STANDOFF_M = 0.012
 """So far short of the grasp point people stop: at it the palm would touch."""
@@ -102,7 +100,7 @@ class Driver:
         tasks_before: int = 0,
     ) -> None:
         self._course = Course(traits, rng, tasks_before)
-        self._buttons, self._tries = rng.spawn(2)
+        self._buttons, self._tries, self._firm = rng.spawn(3)
         self._state: TaskState | None = None
         self._traits = traits
         """As they are in the task at hand."""
@@ -112,6 +110,7 @@ class Driver:
         self._highest = False
         self._mixed_up = 0
         self._tries_left = 0
+        self._tapped: tuple[Direction, float] | None = None
         self._back_m: Point | None = None
         """Where one goes back to, to come again."""
         self._rng = rng
@@ -166,7 +165,7 @@ class Driver:
         return self._decide(object_id, sight, drifts)
 
     def _turn_to(self, object_id: str, sight: Sight) -> None:
-        """Take up the task at hand, if it is another than before."""
+        """Take up the task at hand, if it is another."""
         self._carrying = sight.held == object_id
         state = self._course.state(object_id, self._carrying, self._tick)
         self._tick += 1
@@ -241,8 +240,8 @@ class Driver:
             self._back_m = None
             return self._decide(object_id, sight, drifts)
         if self._mixed_up:
-            self._mixed_up = 0  # on the spot at the latest one sees that it is the wrong one
-            return NO_INPUT
+            self._mixed_up = 0
+            return NO_INPUT  # on the spot at the latest one sees that it is the wrong one
         if drifts:
             self._checks_left = 0  # now or never
         elif self._checks_left is None:
@@ -265,8 +264,16 @@ class Driver:
         direction, wrong = self._choose(ways_m, open_axes)
         farthest_m = max(abs(ways_m[axis]) for axis in open_axes)
         x, y, z = (self._rng.standard_normal() * self._traits.eye_error * abs(ways_m[axis]) for axis in _AXES)
-        self._movement = _Movement(direction, (x, y, z), leg.careful and farthest_m < self._traits.fine_m, wrong=wrong)
+        fine = leg.careful and farthest_m < self._traits.fine_m and not self._holds_on(direction, ways_m)
+        self._movement = _Movement(direction, (x, y, z), fine, wrong=wrong)
         return self._press(self._movement, position_m)
+
+    def _holds_on(self, direction: Direction, ways_m: tuple[float, ...]) -> bool:
+        """Whether to hold, and not tap, since the arm has undone the last tap that way."""
+        left_m = sum(abs(way_m) for way_m, part in zip(ways_m, direction, strict=True) if part)
+        before, self._tapped = self._tapped, (direction, left_m)
+        undone = before is not None and before[0] == direction and left_m > before[1] - STUCK_M
+        return undone and bool(self._firm.random() < self._traits.firmness)
 
     def _choose(self, ways_m: tuple[float, ...], open_axes: tuple[int, ...]) -> tuple[Direction, bool]:
         """A direction along one or two of the open axes; True if it is a slip."""
@@ -390,8 +397,3 @@ def _other_side(place_m: Point) -> Point:
 def _along(ways_m: tuple[float, ...], axes: tuple[int, ...]) -> Direction:
     x, y, z = ((1 if ways_m[axis] > 0.0 else -1) if axis in axes else 0 for axis in _AXES)
     return (x, y, z)
-
-
-def ticks_of(seconds: float) -> int:
-    """Whole ticks that a time takes."""
-    return max(0, round(seconds / TICK_S))

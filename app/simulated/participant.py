@@ -17,9 +17,9 @@ import numpy as np
 
 from app.errors import LabError
 from app.simulated.answers import Experience, SimulatedPerson
-from app.simulated.driver import Driver, ticks_of
+from app.simulated.driver import Driver
 from app.simulated.pilot import Sight
-from app.simulated.task_state import tasks_before
+from app.simulated.task_state import tasks_before, ticks_of
 from app.simulated.traits import Population, Traits, draw_traits, stream
 from app.trial.engine import TrialEngine
 from app.trial.setup import StudySetup

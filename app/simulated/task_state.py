@@ -137,3 +137,8 @@ def with_hands(traits: Traits) -> Traits:
         slip=traits.slip * hands.slip,
         pause=1.0 + (traits.pause - 1.0) * hands.pause,
     )
+
+
+def ticks_of(seconds: float) -> int:
+    """Whole ticks that a time takes."""
+    return max(0, round(seconds / TICK_S))

@@ -117,6 +117,11 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
             "how much higher than needed a grasped object is lifted before it is pulled out, metres",
             off=0.0,
         ),
+        "firmness": Spread(
+            *(0.8, 0.1, 0.0, 1.0, False),
+            "chance that, where the arm by itself has undone a tap, one holds on the next time",
+            off=0.0,
+        ),
         # ---- what is in the hands
         "keyboard": Spread(
             *(0.0, 0.0, 0.0, 1.0, False),
@@ -163,6 +168,7 @@ class Traits:
     wrong_button: float
     depth_error_m: float
     lift_m: float
+    firmness: float
     keyboard: float
     axis_taste: tuple[float, float, float]
     """Preference for moving along x, y and z first; standard normal."""

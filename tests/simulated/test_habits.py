@@ -108,3 +108,19 @@ def test_a_wrong_button_lets_a_carried_object_fall() -> None:
         return sum(abs(y_m - BIN_M[1]) > 0.15 for _, y_m, _ in ends)
 
     assert dropped(0.1) > 0 == dropped(0.0)
+
+
+def test_who_is_firm_holds_on_where_the_arm_undoes_every_tap() -> None:
+    """Two centimetres beside the object, with an arm that goes back by itself whenever the hands are off."""
+
+    def presses(firmness: float) -> int:
+        driver = Driver(person(firmness=firmness, look=0.0, fine_pause=3.0), np.random.default_rng(1), STEP_M)
+        y_m, longest, held = 0.03, 0, 0
+        for _ in range(40):
+            act = driver.act(OBJECT, Sight((0.80, y_m, 0.85), None, "open", (0.88, 0.0, 0.85), BIN_M))
+            held = held + 1 if act.direction is not None and act.direction[1] else 0
+            longest = max(longest, held)
+            y_m += 0.002 if act.direction is None else 0.002 * act.direction[1]
+        return longest
+
+    assert presses(0.0) == 1 < presses(1.0)
