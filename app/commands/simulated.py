@@ -1,4 +1,5 @@
-"""`salab simulate`, `salab analyze` and `salab bot`: a study without people, and what any study's data say."""
+"""`salab simulate`, `salab analyze`, `salab figure2` and `salab bot`: a study without people, what any data
+say, and what an arbiter wants."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import typer
 from app.commands import options
 from app.commands.groups import SIMULATE_AND_ANALYSE
 from app.commands.options import choice, file, flow_of, folder, number, registered
+from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
 from app.trial.robots import ROBOTS
 
@@ -80,6 +82,56 @@ def analyze(
     data = load(directory)
     claim(out)  # before the work, not after it
     print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")
+
+
+@commands.command(rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab figure2 --preset fitted --out maps")
+def figure2(
+    study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
+    preset: Annotated[
+        str | None,
+        choice(PRESET_NAMES, "put another set of arbiter into the study file; the file as it stands if not given"),
+    ] = None,
+    condition: Annotated[
+        str, typer.Option(metavar="ID", help="whose arbiter; the one that weighs information most without it")
+    ] = "",
+    likely: Annotated[
+        float, typer.Option(metavar="P", help="probability of each of the two likely goals; the others share the rest")
+    ] = 0.34,
+    momentum: Annotated[
+        str,
+        choice(
+            ("best", "mean", "rest"), "with which momentum a place is come to: the best move's, on average, or none"
+        ),
+    ] = "best",
+    trust: Annotated[bool, options.trust()] = False,
+    out: Annotated[Path, file("where to: FILE.svg, FILE.png and FILE.csv")] = Path("figure2"),
+) -> None:
+    """Draw what each reward wants, the paper's Fig. 2.
+
+    Prints what the two maps say of places near the likely goals, and writes the values as a table.
+    """
+    from app.report.figure2 import fig2_heatmap, gathering
+    from app.simulated.variants import changed_study, preset_changes
+    from app.trial.setup import study_setup
+    from app.trial.world import open_study
+    from study.analysis.figures import heatmap_figure
+    from study.definition.toml_reader import parse_toml
+
+    chosen = changed_study(open_study(study, trust), preset_changes(preset), trust)
+    setup = study_setup(chosen, trust)
+    parameters = {each.id: setup.parameters_json(each.id) for each in chosen.conditions}
+    if condition and condition not in parameters:
+        raise LabError(f"no condition {condition!r}; conditions are {', '.join(parameters)}")
+    settings, _ = parse_toml(chosen.source_text.encode(), "study.toml")
+    heatmap = fig2_heatmap(settings, parameters[condition or gathering(parameters)], momentum, likely)
+    picture = heatmap_figure(heatmap)
+    base = out.with_suffix("") if out.suffix in (".svg", ".png", ".csv") else out
+    try:
+        base.parent.mkdir(parents=True, exist_ok=True)
+        picture.write(base.parent, base.name)
+    except OSError as error:
+        raise LabError(f"{base}: cannot be written: {error.strerror or error}") from None
+    print(f"{picture.caption}\nwrote {base}.svg, {base}.png and {base}.csv")
 
 
 @commands.command(

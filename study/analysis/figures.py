@@ -16,12 +16,13 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from study.analysis.analysis import MEASURES, OBJECTIVE, Analysis, Comparison, GoalTrend
 from study.analysis.effect_sizes import NotFitted
+from study.analysis.heatmap import FloatArray, Heatmap, share_of_range
 from study.analysis.measures import TaskKind
 from study.analysis.observations import Observation
 from study.records import TICK_S
@@ -70,32 +71,6 @@ _SPARE_LOOKS = (("#009E73", "D"), ("#CC79A7", "v"), ("#56B4E9", "P"), ("#E69F00"
 
 
 @dataclass(frozen=True)
-class HeatmapGoal:
-    """A candidate goal on the table plane."""
-
-    name: str
-    x_m: float
-    y_m: float
-    probability: float
-
-
-@dataclass(frozen=True)
-class Heatmap:
-    """Values over a plane for the paper's Fig. 2, computed by whoever knows the arbiter.
-
-    `information` and `reward` are (len(x_m), len(y_m)), in units of log |goals| and metres.
-    """
-
-    x_m: npt.NDArray[np.float64]
-    y_m: npt.NDArray[np.float64]
-    information: npt.NDArray[np.float64]
-    reward: npt.NDArray[np.float64]
-    goals: tuple[HeatmapGoal, ...]
-    caption: str
-    """What was computed, with every parameter."""
-
-
-@dataclass(frozen=True)
 class Picture:
     """One figure: its file name without ending, caption and drawing."""
 
@@ -104,11 +79,16 @@ class Picture:
     caption: str
     svg: str
     png: bytes
+    table: str = ""
+    """What is drawn, as CSV; empty where the report's tables have it."""
 
-    def write(self, folder: Path) -> None:
-        """`name`.svg and `name`.png."""
-        (folder / f"{self.name}.svg").write_text(self.svg, encoding="utf-8")
-        (folder / f"{self.name}.png").write_bytes(self.png)
+    def write(self, folder: Path, name: str | None = None) -> None:
+        """`name`.svg and `name`.png, and `name`.csv if there is a table; the picture's own name if none is given."""
+        name = self.name if name is None else name
+        (folder / f"{name}.svg").write_text(self.svg, encoding="utf-8")
+        (folder / f"{name}.png").write_bytes(self.png)
+        if self.table:
+            (folder / f"{name}.csv").write_text(self.table, encoding="utf-8")
 
 
 def looks(conditions: Iterable[str]) -> dict[str, Look]:
@@ -246,35 +226,61 @@ def window_figure(analysis: Analysis) -> Picture:
 
 
 def heatmap_figure(heatmap: Heatmap) -> Picture:
-    """The paper's Fig. 2: information gain (A) and goal-oriented reward (B) over the table plane."""
-    with _figure(FULL_WIDTH_MM, 58.0) as figure:
-        axes = figure.subplots(1, 2)
+    """The paper's Fig. 2: information gain (A) and goal-oriented reward (B) over the table plane, by one colour scale.
+
+    The colour is the share of a map's own range, in both; the ranges themselves stand below each map.
+    """
+    with _figure(FULL_WIDTH_MM, 68.0) as figure:
+        axes = figure.subplots(1, 2, sharey=True)
         panels = (
-            ("A", "Expected information gain", heatmap.information, "units of log |goals|"),
-            ("B", "Goal-oriented reward", heatmap.reward, "expected approach, m"),
+            ("A", "Expected information gain", heatmap.information, heatmap.information_weight_m, ""),
+            ("B", "Goal-oriented reward", heatmap.reward, heatmap.reward_weight, " m"),
         )
-        for ax, (letter, title, values, unit) in zip(axes, panels, strict=True):
-            edges = (heatmap.y_m[0], heatmap.y_m[-1], heatmap.x_m[0], heatmap.x_m[-1])
-            mesh = ax.imshow(values, cmap="cividis", extent=edges, origin="lower", interpolation="bilinear")
-            lines = ax.contour(heatmap.y_m, heatmap.x_m, values, levels=6, colors="white", linewidths=0.4)
-            lines.set_alpha(0.7)
-            for goal in heatmap.goals:
-                ax.plot(goal.y_m, goal.x_m, "o", ms=3.0, mfc="white", mec="black", mew=0.6)
-                label = f"{goal.name} {goal.probability:.2f}".replace("0.", ".")
-                box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
-                ax.annotate(
-                    label, (goal.y_m, goal.x_m), (0, 5), textcoords="offset points", ha="center", fontsize=5.5, bbox=box
-                )
-            ax.invert_xaxis()
-            ax.set_aspect("equal")
-            ax.set_xlabel("y, left (m)")
-            ax.set_ylabel("x, forward (m)")
+        for ax, (letter, title, values, weight, unit) in zip(axes, panels, strict=True):
+            mesh = _draw_map(ax, heatmap, share_of_range(values))
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            score = f"; in the score {low * weight:.2f} to {high * weight:.2f} m" if weight else ""
+            ax.set_xlabel(f"y, left (m)\nrange {low:.2g} to {high:.2g}{unit}{score}")
             _title(ax, letter, title)
-            bar = figure.colorbar(mesh, ax=ax, orientation="horizontal", shrink=0.8, aspect=35, pad=0.02)
-            bar.set_label(unit)
-            bar.outline.set_linewidth(0.4)
+        axes[0].set_ylabel("x, forward (m)")
+        bar = figure.colorbar(mesh, ax=axes, orientation="horizontal", shrink=0.5, aspect=45, pad=0.03)
+        bar.set_label("share of the map's own range: 0 its lowest place, 1 its highest")
+        bar.outline.set_linewidth(0.4)
         svg, png = _rendered(figure)
-    return Picture(HEATMAP_NAME, "What each reward wants", heatmap.caption + " After the paper's Fig. 2.", svg, png)
+    caption = f"{heatmap.caption} {heatmap.sentence()} After the paper's Fig. 2."
+    return Picture(HEATMAP_NAME, "What each reward wants", caption, svg, png, heatmap.csv())
+
+
+def _draw_map(ax: Axes, heatmap: Heatmap, shares: FloatArray) -> AxesImage:
+    """One map with its goals; grey is where the arm cannot be."""
+    edges = (heatmap.y_m[0], heatmap.y_m[-1], heatmap.x_m[0], heatmap.x_m[-1])
+    ax.set_facecolor("#C9CCD0")
+    mesh = ax.imshow(shares, cmap="cividis", extent=edges, origin="lower", vmin=0.0, vmax=1.0, interpolation="bilinear")
+    levels = (0.25, 0.5, 0.75, 0.9)
+    lines = ax.contour(heatmap.y_m, heatmap.x_m, shares, levels=levels, colors="white", linewidths=0.5)
+    ax.clabel(lines, fmt=lambda level: f"{level:g}".lstrip("0"), fontsize=5.5)
+    for goal in heatmap.goals:
+        ax.plot(goal.y_m, goal.x_m, "o", ms=3.5, mfc="white", mec="black", mew=0.7)
+        label = f"{goal.name} {goal.probability:.2f}".replace("0.", ".")
+        box = {"boxstyle": "round,pad=0.18", "fc": "white", "ec": "#444444", "lw": 0.4, "alpha": 0.95}
+        below = (0, -11) if goal.x_m > heatmap.x_m[-1] - 0.05 else (0, 6)
+        ax.annotate(
+            label,
+            (goal.y_m, goal.x_m),
+            below,
+            textcoords="offset points",
+            ha="center",
+            fontsize=7.0,
+            fontweight="bold",
+            bbox=box,
+            zorder=6,
+        )
+    x_m, y_m = heatmap.start_xy_m
+    ax.plot(y_m, x_m, "x", ms=4.0, color="white", mew=1.0)
+    ax.annotate("start", (y_m, x_m), (0, -9), textcoords="offset points", ha="center", color="white", fontsize=6.0)
+    ax.invert_xaxis()
+    ax.set_aspect("equal")
+    return mesh
 
 
 # ---- parts ----------------------------------------------------------------------------------------------------------
@@ -471,4 +477,4 @@ def _rendered(figure: Figure) -> tuple[str, bytes]:
     return svg.getvalue(), png.getvalue()
 
 
-__all__ = ["Heatmap", "HeatmapGoal", "Picture", "TaskKind", "draw_all", "looks", "stars"]
+__all__ = ["Picture", "TaskKind", "draw_all", "looks", "stars"]

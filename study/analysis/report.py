@@ -15,7 +15,8 @@ from study.analysis.analysis import KIND_TITLES, Analysis, Comparison
 from study.analysis.dataset import AnalysisError
 from study.analysis.effect_sizes import Interval, NotFitted
 from study.analysis.ended_section import ended_section
-from study.analysis.figures import HEATMAP_NAME, Heatmap, Picture, draw_all
+from study.analysis.figures import HEATMAP_NAME, Picture, draw_all
+from study.analysis.heatmap import Heatmap
 from study.analysis.linear_model import Pair, RepeatedMeasures
 from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.analysis.method_text import f_test, interval, mean_sd, methods, number, p_value, settings

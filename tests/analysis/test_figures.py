@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from app.report.figure2 import fig2_heatmap, heatmap_of
@@ -119,26 +118,6 @@ def test_data_without_values_or_differences_still_make_figures(tmp_path: Path) -
 
 
 # ---- Fig. 2 ---------------------------------------------------------------------------------------------------------
-
-
-def test_the_heatmap_wants_what_the_paper_says() -> None:
-    heatmap = fig2_heatmap({}, {"rationality_per_m": 5.0})
-    assert heatmap.information.shape == heatmap.reward.shape == (len(heatmap.x_m), len(heatmap.y_m))
-    assert sum(goal.probability for goal in heatmap.goals) == pytest.approx(1.0)
-    likely = [goal for goal in heatmap.goals if goal.probability > 0.3]
-    assert len(likely) == 2
-
-    def at(values: np.ndarray, x_m: float, y_m: float) -> float:
-        return float(values[np.abs(heatmap.x_m - x_m).argmin(), np.abs(heatmap.y_m - y_m).argmin()])
-
-    # Both want to be near the likely goals rather than at the table's far right corner ...
-    between = [sum(goal.x_m for goal in likely) / 2, sum(goal.y_m for goal in likely) / 2]
-    corner = [heatmap.x_m[-1], heatmap.y_m[0]]
-    assert at(heatmap.information, *between) > at(heatmap.information, *corner)
-    assert at(heatmap.reward, *between) > at(heatmap.reward, *corner)
-    # ... information between them, where a step tells them apart, and not beyond the outermost.
-    outermost = max(likely, key=lambda goal: goal.y_m)
-    assert at(heatmap.information, *between) > 2 * at(heatmap.information, outermost.x_m, outermost.y_m + 0.1)
 
 
 def test_the_heatmap_states_what_it_was_computed_with() -> None:
