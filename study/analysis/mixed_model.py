@@ -131,7 +131,8 @@ def _kenward_roger(
     ]
     variances = [row @ method.covariance @ row for rows in _differences(len(levels)) for row in rows if row.any()]
     numbers = [test.df_error, *single, *(df for row in pairs for df in row), *variances]
-    if not math.isfinite(test.f) or not all(number > 0.0 for number in numbers):
+    # Below two degrees of freedom the scale of F may come out negative.
+    if not math.isfinite(test.f) or test.f < 0.0 or not all(number > 0.0 for number in numbers):
         return NotFitted("there are too few values for Kenward and Roger's adjustment")
     return _tested(found, levels, names, test.f, test.df_error, method.covariance, single, pairs)
 

@@ -218,6 +218,16 @@ def test_few_values_give_finite_numbers_or_a_sentence() -> None:
     assert fits > 50
 
 
+def test_an_f_below_zero_is_no_test() -> None:
+    """Below two degrees of freedom Kenward and Roger's scale of F may be negative: R prints such an F with p = 1."""
+    values = [176, 251, 436, 102, 40, 143, 82, 196, 233, -120, 247, -190, 154, 265, 52, 237, 6, 190, 9]
+    positions, goals = "1111222333111222333", "0123226026113983488"
+    model = fitted(mixed_model(values, list("bbbbtttgggtttbbbggg"), {"position": list(positions), "goal": list(goals)}))
+    assert isinstance(model.kenward_roger, NotFitted)
+    assert "too few values for Kenward and Roger's adjustment" in model.kenward_roger.reason
+    assert math.isfinite(model.anova.p)
+
+
 # ---- Tukey's distribution -------------------------------------------------------------------------------------------
 
 
