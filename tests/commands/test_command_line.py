@@ -157,6 +157,7 @@ def test_a_study_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFi
     assert said.count("\n") == 1 and "mine.toml" in said
 
 
+@pytest.mark.slow
 def test_a_second_lab_on_the_same_data_is_refused(quick_lab: LabServer, capsys: pytest.CaptureFixture[str]) -> None:
     said = fails(capsys, "serve", "--port", "0", "--data", str(quick_lab.data_dir), *QUICK)
     assert said.count("\n") == 1 and "another lab is running" in said

@@ -185,6 +185,7 @@ def test_an_export_as_folder_and_as_archive(tmp_path: Path, capsys: pytest.Captu
         }
 
 
+@pytest.mark.slow
 def test_what_is_simulated_is_the_same_kind_of_package(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(capsys, "new", "mine")
     text = Path("mine.toml").read_text(encoding="utf-8")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from app.autonomy.belief import Belief
 from app.autonomy.interface import State
@@ -17,6 +18,8 @@ from app.trial.world import open_study
 from study.definition.study import orders, plan_session
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import salab
+
+pytestmark = pytest.mark.slow
 
 STUDY = ROOT / "docs" / "examples" / "02_arbiter_with_memory" / "study.toml"
 ORDER = ("yielding", "teleoperation")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from app.autonomy.belief import Belief
 from app.autonomy.interface import State
@@ -14,6 +15,8 @@ from app.trial.robots import make_robot
 from app.trial.setup import study_setup
 from app.trial.world import open_study
 from tests.support.lab_server import ROOT
+
+pytestmark = pytest.mark.slow
 
 STUDY = ROOT / "docs" / "examples" / "03_inference" / "study.toml"
 LEFT, RIGHT = (0, 1, 0), (0, -1, 0)

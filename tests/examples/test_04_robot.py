@@ -14,6 +14,8 @@ from tests.support.lab_server import ROOT
 from tests.support.outside_package import install_project, installed_at, salab
 from tests.support.wire_client import write_study
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = ROOT / "docs" / "examples" / "04_robot"
 UP_TO_THE_CEILING = """
 import json

@@ -12,6 +12,8 @@ from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import install_project, installed_at, salab
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = ROOT / "docs" / "examples" / "07_questionnaire"
 PACKAGED = EXAMPLE / "study_with_package.toml"
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from tests.support.lab_server import ROOT
+
+pytestmark = pytest.mark.slow
 
 EXAMPLE = ROOT / "docs" / "examples" / "09_drive_headless" / "drive.py"
 

@@ -6,10 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import salab
 from tests.support.wire_client import write_study
+
+pytestmark = pytest.mark.slow
 
 EXAMPLE = ROOT / "docs" / "examples" / "10_export_in_pandas" / "success_by_condition.py"
 

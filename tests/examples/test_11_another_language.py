@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from app.commands.participant_texts import notes_on_texts
 from app.trial.world import open_study
 from study.export.export import read_table
 from tests.support.lab_server import ROOT
 from tests.support.outside_package import salab
+
+pytestmark = pytest.mark.slow
 
 EXAMPLE = ROOT / "docs" / "examples" / "11_another_language"
 

@@ -24,6 +24,8 @@ from study.flow.distractors.state import from_rows
 from study.flow.facts import as_read
 from study.records import TABLES, TickRow
 
+pytestmark = pytest.mark.slow
+
 ORDER = ("balanced", "teleoperation", "goal_oriented")
 
 

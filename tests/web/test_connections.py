@@ -23,6 +23,8 @@ from app.web.connections import Door, Proxies, allowed_connections
 from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer
 
+pytestmark = pytest.mark.slow
+
 WAIT_S = 20.0
 """Far longer than any bound of the lab below."""
 BOUNDS = {

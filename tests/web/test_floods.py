@@ -27,6 +27,8 @@ from app.wire import PROTOCOL_VERSION, Heartbeat, Hello, Input, Message, Tick, W
 from tests.support.lab_server import EXPERIMENTER_TOKEN, LabServer
 from tests.support.wire_client import invite, visit
 
+pytestmark = pytest.mark.slow
+
 HELLO = Hello(protocol=PROTOCOL_VERSION, client="x").model_dump_json()
 WAIT_S = 20.0
 

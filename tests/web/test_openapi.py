@@ -12,6 +12,8 @@ import pytest
 from tests.fuzz.api_cases import Asked, answered, operations, tried, wrong_with
 from tests.fuzz.in_process import TOKEN, InProcessLab
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = 4
 """Of each operation; `make fuzz` tries many more."""
 HEADERS = {"Authorization": f"Bearer {TOKEN}", "Content-Type": "application/json"}

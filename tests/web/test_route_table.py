@@ -27,6 +27,8 @@ from tests.support.route_table import ACCEPTED, LETS_IN, ROUTES, Credential, Rou
 from tests.support.viser_client import PROTOCOL
 from tests.support.wire_client import SHORT, asked, invite, visit, write_study
 
+pytestmark = pytest.mark.slow
+
 SECOND_DEVICE = {**SHORT, 'placement = "same_page_away" ': 'placement = "second_device" '}
 METRICS_TOKEN = "a-token-for-prometheus-0123456789abcdef"
 BODIES = (b"{}", b"{")
