@@ -61,7 +61,8 @@ class Variation:
 
 def variations(plan: Plan) -> tuple[Variation, ...]:
     """One thing at a time, around the plan's own numbers; people are not varied to what they are."""
-    arbiter, robot = setup_of(plan.study_text).study.arbiter, setup_of(plan.study_text).study.robot
+    own = setup_of(plan.study_text).study
+    arbiter, robot, placement = own.arbiter, own.robot, own.distractor.placement
     mean = plan.population.mean
 
     def study(name: str, about: str, section: str, key: str, value: Any) -> Variation:
@@ -73,6 +74,9 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
     def bounded(trait: str, value: float) -> float:
         return min(max(value, TRAITS[trait].low), TRAITS[trait].high)
 
+    one_screen = ("one screen", "readings on the same page", "distractor", "placement", "same_page_away")
+    two_screens = ("two screens", "readings on a second device", "distractor", "placement", "second_device")
+    elsewhere = two_screens if placement == "same_page_away" else one_screen
     other = "mix" if arbiter.transition == "replan" else "replan"
     every = (
         study("step / 2", "model step halved", "arbiter", "step_m", arbiter.step_m / 2.0),
@@ -89,7 +93,7 @@ def variations(plan: Plan) -> tuple[Variation, ...]:
         study("speed x 1.5", "robot speed", "robot", "speed_m_s", min(robot.speed_m_s * 1.5, 0.1)),
         people("away 3.5 s", "shorter readings", away_s=3.5),
         people("away 9 s", "longer readings", away_s=9.0),
-        study("one screen", "readings on the same page", "distractor", "placement", "same_page_away"),
+        study(*elsewhere),
         people(
             "steady people",
             "no slips, no overshoot, half the eye error",

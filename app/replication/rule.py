@@ -84,7 +84,7 @@ def value_of(item: OpenValue, setup: StudySetup) -> str:
     if item.section == "conditions":
         return "" if setup.calibration is None else f"{setup.calibration.alpha:.4g} (calibrated)"
     of: Any = getattr(study, item.section) if item.section else study
-    value = getattr(of, item.key, "not in this version")
+    value = getattr(of, item.key)
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

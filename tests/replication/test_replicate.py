@@ -239,8 +239,9 @@ def test_studies_of_another_run_are_not_mixed_in(tmp_path: Path) -> None:
 # ---- one thing at a time --------------------------------------------------------------------------------------------
 
 
-def test_each_variation_changes_one_thing_and_can_be_run() -> None:
-    plan = make_plan(1, "kinematic", "fitted")
+@pytest.mark.parametrize("preset", ["fitted", "shipped"])
+def test_each_variation_changes_one_thing_and_can_be_run(preset: str) -> None:
+    plan = make_plan(1, "kinematic", preset)
     texts = {plan.study_text}
     base = plan.study_text.split("\n")
     for variation in variations(plan):

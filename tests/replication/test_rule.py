@@ -17,8 +17,6 @@ from app.trial.setup import CALIBRATION_SEED
 from app.trial.world import open_study
 from study.definition.sections import ArbiterSettings, DistractorSettings, RobotSettings
 
-COMING = ("calibrated_on",)
-"""Settings that come with the same change of the default."""
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "topics" / "choosing-the-default.md"
 
 
@@ -30,7 +28,7 @@ def test_the_hash_is_that_of_the_file_and_stands_in_the_docs() -> None:
 
 def test_every_open_value_is_one_of_the_study_file() -> None:
     fields = {
-        "arbiter": {*ArbiterSettings.model_fields, *COMING},
+        "arbiter": ArbiterSettings.model_fields,
         "robot": RobotSettings.model_fields,
         "distractor": DistractorSettings.model_fields,
         "conditions": {"alpha"},
