@@ -37,6 +37,8 @@ class Looking:
     Args:
         place: which.
         look_ahead_m: how far on ``ahead`` looks, metres, in (0, 1].
+        at_rest: whether the momentum is taken as 0 there: what is left is about the place. No arbiter looks so but the
+            one ``at_rest``; it tells what the others look for (`app.replication.mechanism`).
 
     Raises:
         AutonomyError: a value outside these bounds.
@@ -44,6 +46,7 @@ class Looking:
 
     place: Place = "next"
     look_ahead_m: float = 0.20
+    at_rest: bool = False
 
     def __post_init__(self) -> None:
         if self.place not in get_args(Place):
@@ -63,16 +66,16 @@ class Looking:
     ) -> FloatArray:
         """I of each action, (27,), of values already checked; ``next_positions_m`` is p' of T(x, u), (27, 3)."""
         given = goals_m, probabilities, model, rationality_per_m
-        if self.place == "next":
-            return information_gain_ahead(next_positions_m, *given)
+        places_m = next_positions_m
         if self.place == "ahead":
             places_m = position_m + self.look_ahead_m * UNIT_DIRECTIONS
             places_m[NULL_ACTION] = next_positions_m[NULL_ACTION]
+        if self.place in ("next", "ahead") and not self.at_rest:
             return information_gain_ahead(places_m, *given)
-        at_rest = _log_likelihoods(next_positions_m, model.displacements(np.zeros(3))[:, None], goals_m, given[3])
-        if self.place == "at_rest":
-            return mutual_information(at_rest, probabilities)
-        return _averaged(np.exp(at_rest) @ probabilities, next_positions_m, *given)
+        at_rest = _log_likelihoods(places_m, model.displacements(np.zeros(3))[:, None], goals_m, rationality_per_m)
+        if self.place == "averaged":
+            return _averaged(np.exp(at_rest) @ probabilities, places_m, *given)
+        return mutual_information(at_rest, probabilities)
 
 
 def _averaged(

@@ -74,6 +74,37 @@ def replicate(
 @commands.command(
     cls=SeveralValues,
     rich_help_panel=SIMULATE_AND_ANALYSE,
+    epilog="Example: salab mechanism --presets shipped ahead --studies 5 --workers 2 --picture mechanism.svg",
+)
+def mechanism(
+    presets: Annotated[list[str], choice(PRESET_NAMES, "studies of ours, one or several")] = ["shipped"],  # noqa: B006
+    study: Annotated[Path | None, file("study file, beside them")] = None,
+    trust: Annotated[bool, options.trust()] = False,
+    studies: Annotated[int, number("how many studies of each")] = 5,
+    participants: Annotated[int, number("people in each")] = PEOPLE_A_STUDY,
+    seed: Annotated[int, number("of everything random")] = 2020,
+    workers: Annotated[int, number("processes; the results are the same for any number")] = 1,
+    marked: Annotated[list[str], choice(PRESET_NAMES, "those that the picture points out")] = ["shipped"],  # noqa: B006
+    picture: Annotated[Path | None, file("where to draw them, an .svg")] = None,
+) -> None:
+    """Tell by what information moves the arm: by place or by momentum."""
+    from app.replication.mechanism import mechanisms
+    from app.replication.mechanism_text import table, write
+    from app.simulated.study import make_plan
+
+    plans = [(name, make_plan(seed, "kinematic", name)) for name in presets]
+    if study is not None:
+        plans.append((study.stem, make_plan(seed, "kinematic", None, study, trust)))
+    found = mechanisms(plans, studies, participants, workers)
+    print(table(found))
+    if picture is not None:
+        write(found, marked, picture)
+        print(f"picture: {picture}")
+
+
+@commands.command(
+    cls=SeveralValues,
+    rich_help_panel=SIMULATE_AND_ANALYSE,
     epilog="Example: salab power --sizes 6 12 18 24 --workers 2 --out replication",
 )
 def power(

@@ -11,7 +11,7 @@ import gzip
 import json
 import os
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -20,10 +20,11 @@ from typing import Any
 from app.errors import LabError
 from app.replication.long_tasks import TaskLength, lengths_of_person
 from app.replication.paper import REPORTED
-from app.simulated.participant import simulate_trials
+from app.simulated.participant import Case, Record, simulate_trials
 from app.simulated.progress import progress
 from app.simulated.study import Plan, check_count, participant_seed, run_jobs
 from app.trial.robots import make_robot
+from sim.interface import Robot
 from study.analysis.measures import measure
 from study.analysis.observations import Observation, observations, survey_observations
 from study.definition.study import orders
@@ -67,12 +68,20 @@ def study_seed(seed: int, study: int) -> int:
 
 def run_participant(plan: Plan, first_order: int, index: int) -> Values:
     """One participant's values. Someone who gave up is left out, as an incomplete participant is from an analysis."""
+    case, robot = rotated(plan, first_order, index), partial(make_robot, plan.robot)
+    return measured(case, simulate_trials(case, robot), robot)
+
+
+def rotated(plan: Plan, first_order: int, index: int) -> Case:
+    """That participant of a study whose first one has order `first_order`."""
     case = plan.case(index)
     choices = orders(case.setup.study)
-    case = replace(case, order=choices[(first_order + index) % len(choices)])
-    robot = partial(make_robot, plan.robot)
-    record = simulate_trials(case, robot)
-    complete = len(record["tasks"]) == len(choices[0]) * case.setup.study.tasks_per_trial
+    return replace(case, order=choices[(first_order + index) % len(choices)])
+
+
+def measured(case: Case, record: Record, robot: Callable[[], Robot]) -> Values:
+    """What is compared of a participant's record."""
+    complete = len(record["tasks"]) == len(case.order) * case.setup.study.tasks_per_trial
     measures = measure(record["tasks"], record["ticks"]) if complete else measure([], [])
     scores = survey_scores(record["survey_answers"]) if complete else ()
     found: dict[Key, tuple[Observation, ...]] = {}

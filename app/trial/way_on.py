@@ -8,10 +8,10 @@ there to in front of that goal, within reach and pushing nothing over. An action
 
 1. *All ways are open* from there, and it is `MARGIN_M` away, along each axis, from where the arm's reach ends.
 2. *It approaches the clear favourite*: that goal is nearer from there, and the way to it open.
-3. *It is the way back*: where the arm is now, 1 does not hold, and the action leads at least half its way nearer to the
-   place where the arm started. While no straight way leads there, it is back towards the robot that counts when
-   something stands in between, or forward again where the arm folds too far. An open way to the start, or to the clear
-   favourite, stays open.
+3. *It is the way back*: where the arm is now, 1 does not hold, and at least half of where the action leads is nearer to
+   the place where the arm started, the way to which stays open, or nearer to the distance from the robot at which that
+   is. While no straight way leads to it because something stands in between, it is back towards the robot that counts.
+   An open way to the clear favourite stays open.
 
 To stay is taken where the way to the clear favourite is open, or that margin is kept and the way to any goal is open:
 whoever lines something up is left alone. So the arm, by itself, neither enters a pocket nor comes to rest in one; a
@@ -111,19 +111,16 @@ class WayOn:
         return math.dist(place_m, goal_m) < math.dist(here_m, goal_m) - _LEAST_M and self._is_open(place_m, favourite)
 
     def _is_way_back(self, place_m: Vector3) -> bool:
-        here_m, start_m = self._state.position_m, self._scene.start_world_m
-        to_start = bool(self._here[1][self._start])
-        if to_start:
-            nearer_m = math.dist(here_m, start_m) - math.dist(place_m, start_m)
-        else:
-            nearer_m = self._back * (place_m[0] - here_m[0])
-        way_m = math.dist(here_m, place_m)
-        if way_m < _LEAST_M or nearer_m < way_m / 2.0 or self._all_open_here:
+        here_m, start_m, favourite = self._state.position_m, self._scene.start_world_m, self._favourite
+        half_m = math.dist(here_m, place_m) / 2.0
+        if half_m < _LEAST_M or self._all_open_here:
             return False
-        kept = [self._start] if to_start else []
-        if self._favourite is not None and self._is_open(here_m, self._favourite):
-            kept.append(self._favourite)
-        return all(self._is_open(place_m, goal) for goal in kept)
+        if favourite is not None and self._is_open(here_m, favourite) and not self._is_open(place_m, favourite):
+            return False
+        if self._back * (place_m[0] - here_m[0]) >= half_m:
+            return True
+        nearer_m = math.dist(here_m, start_m) - math.dist(place_m, start_m)
+        return bool(self._here[1][self._start]) and nearer_m >= half_m and self._is_open(place_m, self._start)
 
     @cached_property
     def _may_stay(self) -> bool:
@@ -161,9 +158,10 @@ class WayOn:
 
     @cached_property
     def _back(self) -> float:
-        """The way back along x while none is open to the start: 1 is forward, -1 towards the robot."""
-        folded = self._state.position_m[0] < self._scene.start_world_m[0] and not self._here[0][self._start]
-        return 1.0 if folded else -1.0
+        """The way back along x: 1 is forward, -1 towards the robot."""
+        before = self._state.position_m[0] < self._scene.start_world_m[0]
+        reach, is_open = (bool(of[self._start]) for of in self._here)
+        return 1.0 if before and (is_open or not reach) else -1.0
 
     @cached_property
     def _all_open_here(self) -> bool:
