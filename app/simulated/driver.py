@@ -264,15 +264,15 @@ class Driver:
         direction, wrong = self._choose(ways_m, open_axes)
         farthest_m = max(abs(ways_m[axis]) for axis in open_axes)
         x, y, z = (self._rng.standard_normal() * self._traits.eye_error * abs(ways_m[axis]) for axis in _AXES)
-        fine = leg.careful and farthest_m < self._traits.fine_m and not self._holds_on(direction, ways_m)
+        fine = leg.careful and farthest_m < self._traits.fine_m and not self._holds_on(direction, position_m)
         self._movement = _Movement(direction, (x, y, z), fine, wrong=wrong)
         return self._press(self._movement, position_m)
 
-    def _holds_on(self, direction: Direction, ways_m: tuple[float, ...]) -> bool:
+    def _holds_on(self, direction: Direction, position_m: Point) -> bool:
         """Whether to hold, and not tap, since the arm has undone the last tap that way."""
-        left_m = sum(abs(way_m) for way_m, part in zip(ways_m, direction, strict=True) if part)
-        before, self._tapped = self._tapped, (direction, left_m)
-        undone = before is not None and before[0] == direction and left_m > before[1] - STUCK_M
+        way_m = sum(part * here_m for part, here_m in zip(direction, position_m, strict=True))
+        before, self._tapped = self._tapped, (direction, way_m)
+        undone = before is not None and before[0] == direction and way_m < before[1] + STUCK_M
         return undone and bool(self._firm.random() < self._traits.firmness)
 
     def _choose(self, ways_m: tuple[float, ...], open_axes: tuple[int, ...]) -> tuple[Direction, bool]:
