@@ -264,12 +264,13 @@ class Driver:
         direction, wrong = self._choose(ways_m, open_axes)
         farthest_m = max(abs(ways_m[axis]) for axis in open_axes)
         x, y, z = (self._rng.standard_normal() * self._traits.eye_error * abs(ways_m[axis]) for axis in _AXES)
-        fine = leg.careful and farthest_m < self._traits.fine_m and not self._holds_on(direction, position_m)
+        holds_on = self._holds_on(direction, position_m)
+        fine = leg.careful and farthest_m < self._traits.fine_m and not holds_on
         self._movement = _Movement(direction, (x, y, z), fine, wrong=wrong)
         return self._press(self._movement, position_m)
 
     def _holds_on(self, direction: Direction, position_m: Point) -> bool:
-        """Whether to hold, and not tap, since the arm has undone the last tap that way."""
+        """Whether to hold, and not tap, since the arm has undone what was last pressed that way."""
         way_m = sum(part * here_m for part, here_m in zip(direction, position_m, strict=True))
         before, self._tapped = self._tapped, (direction, way_m)
         undone = before is not None and before[0] == direction and way_m < before[1] + STUCK_M
