@@ -98,11 +98,13 @@ def figure2(
         float, typer.Option(metavar="P", help="probability of each of the two likely goals; the others share the rest")
     ] = 0.34,
     momentum: Annotated[
-        str,
+        str | None,
         choice(
-            ("best", "mean", "rest"), "with which momentum a place is come to: the best move's, on average, or none"
+            ("best", "rest", "averaged"),
+            "with which momentum a place is come to: the best move's, none, or that of the person's next action; as "
+            "the arbiter looks if not given",
         ),
-    ] = "best",
+    ] = None,
     trust: Annotated[bool, options.trust()] = False,
     out: Annotated[Path, file("where to: FILE.svg, FILE.png and FILE.csv")] = Path("figure2"),
 ) -> None:

@@ -2,8 +2,9 @@
 
 As the paper's figure this is a discretised plane: the goals are the layout's objects, all at the plane's height. The
 arbiter looks at the information of a next state x' = T(x, u), whose momentum is u, the way it came. So a place has one
-value for each way to come to it; `best`, the figure's own, takes the largest of them over the moves within the plane,
-which is what the arbiter can get there. Where the arm cannot be, nothing is drawn.
+value for each way to come to it; `best` takes the largest of them over the moves within the plane, which is what the
+arbiter can get there. One that looks at information otherwise (`information` of its parameters) is drawn as it looks.
+Where the arm cannot be, nothing is drawn.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from app.autonomy.belief import belief_entropy
 from app.autonomy.hindsight import hindsight_reward_at
 from app.autonomy.information import information_gain_at
 from app.autonomy.interface import RATIONALITY_PER_M
+from app.autonomy.looking import Looking
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
 from app.trial.world import layout_in
@@ -32,21 +34,24 @@ LIKELY = 0.34
 CELLS_A_METRE = 100.0
 MOMENTA: Mapping[str, str] = {
     "best": "with the momentum of the move within the plane that makes it largest, as the arbiter evaluates it",
-    "mean": "on average over the momenta of the moves within the plane",
-    "rest": "at rest, which the arbiter looks at only for standing still",
+    "rest": "at rest, as the arbiter evaluates standing still",
+    "averaged": "on average over the momentum that the person's next action leaves",
 }
 """Which momentum a place is given, and how the caption says it."""
+AS_IT_LOOKS: Mapping[str, str] = {"next": "best", "ahead": "best", "at_rest": "rest", "averaged": "averaged"}
+"""The momentum that goes with an arbiter's `information`."""
 
 
 def fig2_heatmap(
-    settings: Mapping[str, Any], parameters: Mapping[str, Any], momentum: str = "best", likely: float = LIKELY
+    settings: Mapping[str, Any], parameters: Mapping[str, Any], momentum: str | None = None, likely: float = LIKELY
 ) -> Heatmap:
     """Fig. 2 for a study's layout and objects (`settings`: its study file) under one trial's arbiter parameters.
 
     What is not stated there is the shipped study's: layout `arc` with its objects, and the model of `app.autonomy`.
-    `likely` is the probability of each of the two likely goals. Raises `LabError` for one out of bounds, or for a
-    momentum that is not one of `MOMENTA`.
+    `likely` is the probability of each of the two likely goals; the momentum is the arbiter's if none is given. Raises
+    `LabError` for a probability out of bounds, or for a momentum that is not one of `MOMENTA`.
     """
+    momentum = AS_IT_LOOKS[str(parameters.get("information", "next"))] if momentum is None else momentum
     if momentum not in MOMENTA:
         raise LabError(f"momentum {momentum!r}; choices are {', '.join(MOMENTA)}")
     layout = layout_in(settings)
@@ -65,10 +70,7 @@ def fig2_heatmap(
     fits = ik.solve_many(grid)[1] == 0
     start_m = (layout.start_world_m[0], layout.start_world_m[1], z_m)
     information, reward = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
-    gains = [
-        information_gain_at(grid[fits], each, goals_m, belief, model, rationality_per_m) for each in _momenta(momentum)
-    ]
-    information[fits] = np.mean(gains, axis=0) if momentum == "mean" else np.max(gains, axis=0)
+    information[fits] = _information(momentum, grid[fits], goals_m, belief, model, rationality_per_m)
     reward[fits] = hindsight_reward_at(grid[fits], start_m, goals_m, belief)
     entropy = belief_entropy(belief)
     weights = {name: parameters[name] for name in ("alpha", "beta", "entropy_floor") if name in parameters}
@@ -107,7 +109,7 @@ def heatmap_of(data: DataSet) -> Heatmap | None:
     try:
         chosen = gathering({name: of[-1] for name, of in parameters.items()})
         return fig2_heatmap(studies[-1] if studies else {}, parameters[chosen][-1])
-    except (TypeError, ValueError, AttributeError):  # AutonomyError is a ValueError
+    except (TypeError, ValueError, AttributeError, KeyError):  # AutonomyError is a ValueError
         return None
 
 
@@ -116,12 +118,22 @@ def gathering(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     return max(parameters, key=lambda name: float(parameters[name].get("alpha", 0.0)))
 
 
-def _momenta(momentum: str) -> FloatArray:
-    """The momenta, (N, 3), with which a place is come to; standing still leaves none."""
-    if momentum == "rest":
-        return np.zeros((1, 3))
-    within_plane: FloatArray = UNIT_DIRECTIONS[[z == 0 for _, _, z in DIRECTIONS]]
-    return within_plane
+def _information(
+    momentum: str,
+    places_m: FloatArray,
+    goals_m: FloatArray,
+    belief: FloatArray,
+    model: TransitionModel,
+    rationality_per_m: float,
+) -> FloatArray:
+    """Eq. 11 at each place (N, 3) -> (N,)."""
+    if momentum == "averaged":
+        return Looking("averaged").gains(places_m, places_m, goals_m, belief, model, rationality_per_m)
+    within_plane = UNIT_DIRECTIONS[[z == 0 for _, _, z in DIRECTIONS]]  # standing still, which leaves none, too
+    momenta = np.zeros((1, 3)) if momentum == "rest" else within_plane
+    gains = [information_gain_at(places_m, each, goals_m, belief, model, rationality_per_m) for each in momenta]
+    most: FloatArray = np.max(gains, axis=0)
+    return most
 
 
 def _placed(layout: Layout) -> dict[str, tuple[float, float, float]]:

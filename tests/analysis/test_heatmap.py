@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.autonomy.actions import DIRECTIONS
+from app.autonomy.actions import DIRECTIONS, NULL_ACTION
 from app.autonomy.belief import belief_entropy
 from app.autonomy.information import expected_information_gain
+from app.autonomy.looking import Looking, Place, look
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
-from app.report.figure2 import fig2_heatmap
+from app.report.figure2 import MOMENTA, fig2_heatmap
 from study.analysis.figures import heatmap_figure
 from study.analysis.heatmap import COLUMNS, Heatmap, nearness, share_of_range
 
@@ -67,6 +68,19 @@ def test_information_is_what_the_arbiter_evaluates_there(fitted: Heatmap) -> Non
     assert at_rest < heatmap.information[row, column]
 
 
+@pytest.mark.parametrize(("information", "momentum"), [("at_rest", "rest"), ("averaged", "averaged")])
+def test_an_arbiter_that_looks_otherwise_is_drawn_as_it_looks(information: Place, momentum: str) -> None:
+    heatmap = fig2_heatmap({}, {**FITTED, "information": information})
+    assert MOMENTA[momentum] in heatmap.caption
+    row, column = place(heatmap, 0.75, 0.10)
+    here_m = np.array([heatmap.x_m[row], heatmap.y_m[column], 0.73 + 0.68 / 6.0])
+    goals_m = np.array([(goal.x_m, goal.y_m, here_m[2]) for goal in heatmap.goals])
+    belief = np.array([goal.probability for goal in heatmap.goals])
+    model = TransitionModel("replan", 0.03, 0.8)
+    looked = look(Looking(information), here_m, np.zeros(3), goals_m, belief, model, 6.31)[NULL_ACTION]
+    assert heatmap.information[row, column] == pytest.approx(looked, rel=1e-9)
+
+
 def test_both_colours_are_shares_of_the_maps_own_range_where_the_arm_can_be(fitted: Heatmap) -> None:
     heatmap = fitted
     for values in (heatmap.information, heatmap.reward):
@@ -97,7 +111,7 @@ def test_the_table_holds_what_is_drawn(fitted: Heatmap) -> None:
 def test_a_belief_or_momentum_that_cannot_be_is_told_with_its_bounds() -> None:
     with pytest.raises(LabError, match=r"likely is 0.6; each of two likely ones of 6 goals has from 0.167 to 0.5"):
         fig2_heatmap({}, FITTED, likely=0.6)
-    with pytest.raises(LabError, match="'last'; choices are best, mean, rest"):
+    with pytest.raises(LabError, match="'last'; choices are best, rest, averaged"):
         fig2_heatmap({}, FITTED, momentum="last")
     even = fig2_heatmap({}, FITTED, likely=1 / 6)
     assert "All goals are equally likely." in even.sentence()
