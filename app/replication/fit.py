@@ -44,10 +44,17 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 
 ALWAYS: Changes = {
     "": {"layout": "crescent"},
-    "distractor": {"placement": "second_device"},
-    "arbiter": {"stickiness": 0.003},
+    "distractor": {"placement": "same_page_away"},
+    "arbiter": {
+        "stickiness": 0.003,
+        "information": "next",
+        "look_ahead_m": 0.2,
+        "calibrated_on": "visited",
+        "keep_way_on": True,
+    },
 }
-"""As in the paper: the readings are two metres away. The layout is the one in which nobody gets lost."""
+"""What `rule.toml` fixes before the fit. One screen, whose pad is ignored while a reading waits, gives the windows that
+a laptop two metres away gives; in the layout nobody gets lost; the arbiter's does nothing under pure teleoperation."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +69,16 @@ class Parameter:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("speed_m_s", 0.025, 0.01, 0.08, "robot speed"),
-    Parameter("rationality_per_m", 6.0, 0.5, 40.0, "rationality the belief assumes, per metre"),
-    Parameter("pause", TRAITS["pause"].mean, 1.05, 3.9, TRAITS["pause"].about),
-    Parameter("fine_pause", TRAITS["fine_pause"].mean, 1.05, 3.9, TRAITS["fine_pause"].about),
-    Parameter("look", TRAITS["look"].mean, 0.005, 0.5, TRAITS["look"].about),
-    Parameter("checks", TRAITS["checks"].mean, 0.1, 9.0, TRAITS["checks"].about),
-    Parameter("second_try", TRAITS["second_try"].mean, 0.01, 0.6, TRAITS["second_try"].about),
-    Parameter("lift_m", TRAITS["lift_m"].mean, 0.005, 0.11, TRAITS["lift_m"].about),
+    Parameter("speed_m_s", 0.033, 0.01, 0.08, "robot speed"),
+    Parameter("rationality_per_m", 6.6, 0.5, 40.0, "rationality the belief assumes, per metre"),
+    Parameter("pause", 1.6, 1.05, 3.9, TRAITS["pause"].about),
+    Parameter("fine_pause", 1.8, 1.05, 3.9, TRAITS["fine_pause"].about),
+    Parameter("look", 0.056, 0.005, 0.5, TRAITS["look"].about),
+    Parameter("checks", 1.3, 0.1, 9.0, TRAITS["checks"].about),
+    Parameter("second_try", 0.10, 0.01, 0.6, TRAITS["second_try"].about),
+    Parameter("lift_m", 0.095, 0.005, 0.11, TRAITS["lift_m"].about),
 )
+"""Each starts near what a first fit found, of half as many people from the traits' own means."""
 _STUDY = ("speed_m_s", "rationality_per_m")
 
 

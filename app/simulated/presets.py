@@ -7,5 +7,5 @@ from __future__ import annotations
 
 PRESET_NAMES = ("shipped", "paper", "lab", "fitted", "ahead", "at_rest", "averaged")
 """`shipped`: the study that ships, as it stands. `lab`: the one that shipped first. `paper`: that one with 1 per metre.
-`fitted`: the first fit to the paper's pure teleoperation. `ahead`, `at_rest`, `averaged`: that one with alpha on
-visited states and the arm kept to where it can go on, and with information looked at elsewhere than in the paper."""
+`fitted`: the first fit to the paper's pure teleoperation. `ahead`, `at_rest`, `averaged`: the study that ships, with
+information looked at elsewhere than in the paper."""

@@ -69,16 +69,12 @@ _PRESETS: Mapping[str, Changes] = {
     ),
 }
 
-
-_MECHANISMS: Changes = _like(_PRESETS["fitted"], {"arbiter": {"calibrated_on": "visited", "keep_way_on": True}})
-"""The `fitted` arm, alpha on visited states, and the arm kept to where it can go on. The presets of it differ in where
-information is looked at."""
-
 _INFORMATION: Mapping[str, Mapping[str, Any]] = {
     "ahead": {"information": "ahead", "look_ahead_m": 0.20},
     "at_rest": {"information": "at_rest", "look_ahead_m": 0.20},
     "averaged": {"information": "averaged", "look_ahead_m": 0.20},
 }
+"""The study that ships, but for where information is looked at."""
 
 
 def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
@@ -100,10 +96,13 @@ def preset_changes(name: str | None, *, layout: bool = True) -> Changes:
     taken too: a file of one's own may have another number of objects. `LabError` names the presets."""
     if name is None:
         return {}
-    presets = {**_PRESETS, **{name: _like(_MECHANISMS, {"arbiter": looks}) for name, looks in _INFORMATION.items()}}
-    if name not in presets:
+    if name in _INFORMATION:
+        changes = _like(_like(_LAB, fitted()["study"]), {"arbiter": _INFORMATION[name]})
+    elif name in _PRESETS:
+        changes = _PRESETS[name]
+    else:
         raise LabError(f"no preset {name!r}; presets are {', '.join(PRESET_NAMES)}")
-    return {section: values for section, values in presets[name].items() if layout or section}
+    return {section: values for section, values in changes.items() if layout or section}
 
 
 def fitted() -> dict[str, Any]:
@@ -123,10 +122,10 @@ def fitted_population() -> Population:
 
 
 def population_of(preset: str | None) -> Population:
-    """Who a preset's participants are: those of its time for one that was published, else those that ship."""
-    if preset in (None, "shipped"):
-        return fitted_population()
-    return Population(means={**OFF, **FIRST_PEOPLE})
+    """Who a preset's participants are: those of its time for the first ones, else those that ship."""
+    if preset in ("lab", "paper", "fitted"):
+        return Population(means={**OFF, **FIRST_PEOPLE})
+    return fitted_population()
 
 
 def _replaced(text: str, section: str, key: str, value: Any) -> str:
