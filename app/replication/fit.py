@@ -223,7 +223,9 @@ def fit(
 
 def _evaluate(variant: str, participants: int, seed: int, logs: tuple[float, ...]) -> Fit:
     """What one set of numbers gives."""
-    values = {item.name: float(np.exp(log)) for item, log in zip(PARAMETERS, logs, strict=True)}
+    values = {  # the logarithm of a bound does not lead back to the bound
+        item.name: min(max(float(np.exp(log)), item.low), item.high) for item, log in zip(PARAMETERS, logs, strict=True)
+    }
     measures = measure_teleoperation(plan_of(variant, values, seed), participants)
     result = Fit(
         variant=variant,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -175,16 +176,16 @@ def test_someone_who_gets_nowhere_gives_up(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_who_presses_in_vain_frees_the_arm_and_every_task_keeps_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.simulated.participant.FREES_AFTER_TICKS", 1)
-    record = simulate_trial(case(seed=5), 3, KinematicRobot)
+    in_arc = study_setup(changed_study(setup().study, {"": {"layout": "arc"}}))  # nowhere in crescent is one held up
+    record = simulate_trial(replace(case(seed=8), setup=in_arc), 3, KinematicRobot)
     frees = [row for row in record["events"] if row.kind == "arm_freed"]
     assert frees
     assert {row.source for row in frees} == {"participant"}
     assert len(frees) == sum(row.source == "free" for row in record["ticks"])
     assert len(frees) == sum(row.attempts - 1 for row in record["tasks"] if row.kind == "pickup")
     assert Counter(row.task for row in record["tasks"]) == Counter(range(1, setup().study.tasks_per_trial + 1))
-    engine = TrialEngine(
-        setup().trial_setup("S001", plan_session(setup().study, ORDER, 5), 3, "trial"), KinematicRobot()
-    )
+    plan = plan_session(in_arc.study, ORDER, 8)
+    engine = TrialEngine(in_arc.trial_setup("S001", plan, 3, "trial"), KinematicRobot())
     engine.open()
     assert [engine.tick(inputs_of(row)).row for row in record["ticks"]] == record["ticks"]
 
