@@ -91,10 +91,14 @@ def calibrate_on_visits(
     ratios = np.array([_ratio(visit, model, rationality_per_m, looking) for visit in visits])
     low, high = VISITED_ENTROPIES
     crossing = ratios[(entropies >= low) & (entropies <= high) & np.isfinite(ratios)]
+    if all(visit.belief.shape[0] == 1 for visit in visits):
+        raise AutonomyError(
+            "alpha is 'calibrated'; with one goal at a time there is nothing to find out: give a number"
+        )
     if crossing.size < LEAST_VISITS:
         raise AutonomyError(
             f"calibrated_on is 'visited'; only {crossing.size} of {len(visits)} visited states have an entropy from "
-            f'{low:g} to {high:g}, {LEAST_VISITS} are needed. It must be "sampled", or alpha a number, in this study'
+            f"{low:g} to {high:g}, {LEAST_VISITS} are needed: calibrate on sampled ones, or give alpha as a number"
         )
     alpha = float(np.median(crossing))
     bands = tuple(_band(low, high, entropies, ratios, alpha) for low, high in BANDS)

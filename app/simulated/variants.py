@@ -132,9 +132,10 @@ def _replaced(text: str, section: str, key: str, value: Any) -> str:
     """The text with `key = value` in that section: replaced, or put in as the section's first line."""
     written = json.dumps(value)
     lines = text.split("\n")
-    here, header = "", None
+    here, header, end = "", None, len(lines)
     for number, line in enumerate(lines):
         if line == "[[code]]":
+            end = number
             break  # the lab wrote what follows, and it may hold anything
         found = re.match(r"\s*\[+([^\]]+)\]+\s*(#.*)?$", line)
         if found:
@@ -146,7 +147,7 @@ def _replaced(text: str, section: str, key: str, value: Any) -> str:
             lines[number] = f"{match.group(1)}{written}{match.group(3)}"
             return "\n".join(lines)
     if header is None and section:
-        return "\n".join([*lines, "", f"[{section}]", f"{key} = {written}", ""])
+        return "\n".join([*lines[:end], "", f"[{section}]", f"{key} = {written}", "", *lines[end:]])
     position = 0 if header is None else header + 1
     return "\n".join([*lines[:position], f"{key} = {written}", *lines[position:]])
 

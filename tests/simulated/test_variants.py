@@ -9,7 +9,7 @@ import pytest
 from app.autonomy.arbiters.weighing import Weights
 from app.autonomy.transition import TransitionModel
 from app.errors import LabError
-from app.simulated.variants import changed_study, preset_changes
+from app.simulated.variants import _replaced, changed_study, preset_changes
 from app.trial.values import RobotTiming
 from app.trial.world import open_study
 from sim.interface import TICK_S
@@ -75,3 +75,19 @@ def test_the_robot_s_timing_is_the_study_file_s() -> None:
 
 def test_robot_and_study_have_one_tick() -> None:
     assert records.TICK_S == TICK_S
+
+
+def test_a_file_that_holds_code_takes_several_changes_of_a_section_it_has_not() -> None:
+    text = "title = 1\n\n[[code]]\nkind = 'arbiter'\n"
+    for key in ("step_m", "stickiness"):
+        text = _replaced(text, "arbiter", key, 0.02)
+    assert text.index("stickiness = 0.02") < text.index("[[code]]") and text.count("[arbiter]") == 1
+
+
+@pytest.mark.parametrize("name", ["ahead", "at_rest", "averaged"])
+def test_a_preset_of_information_says_everything_it_stands_for(name: str) -> None:
+    study = changed_study(open_study(None), preset_changes(name))
+    settings = (study.arbiter.information, study.arbiter.look_ahead_m)
+    assert settings == (name, 0.20)
+    assert (study.arbiter.calibrated_on, study.arbiter.keep_way_on) == ("visited", True)
+    assert study.arbiter.model_dump().items() >= KNOWN["fitted"].items()

@@ -96,3 +96,13 @@ def test_too_few_visits_near_half_entropy_are_told() -> None:
     models = study_setup(of).models("balanced")
     with pytest.raises(AutonomyError, match="of 20 visited states have an entropy"):
         calibrate_on_visits(few, models.transition, models.rationality_per_m)
+
+
+def test_with_one_goal_at_a_time_a_number_is_asked_for() -> None:
+    of = study(calibrated_on="visited")
+    models = study_setup(of).models("balanced")
+    alone = [
+        Visit(visit.position_m, visit.momentum, visit.goals_m[:1], np.ones(1)) for visit in visited(of, study_setup(of))
+    ]
+    with pytest.raises(AutonomyError, match="with one goal at a time there is nothing to find out: give a number"):
+        calibrate_on_visits(alone, models.transition, models.rationality_per_m)

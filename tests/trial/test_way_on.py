@@ -83,8 +83,8 @@ def test_an_arm_left_alone_never_comes_to_stand_where_it_cannot_go_on(kind: str)
 def test_of_two_hundred_arms_left_alone_none_comes_to_stand_where_it_cannot_go_on(
     condition: str, layout: str, kind: str
 ) -> None:
-    """A hundred of each kind."""
-    assert stranded(layout, condition, kind, True, arms=100, seed=1) == []
+    """Thirty-four of each kind and sort."""
+    assert stranded(layout, condition, kind, True, arms=34, seed=1) == []
 
 
 def arm_at(position_m: Vector3, condition: str, probable: str, probability: float) -> HandsOff:
