@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +26,8 @@ from study.analysis.design_matrix import FloatArray
 IntArray = npt.NDArray[np.intp]
 SMALLEST_RATIO = 1e-10
 """A variance below this share of the residual's is 0, as in lme4, whose boundary is at 1e-5 of the SD."""
-GRID = (0.0, 0.2, 0.6, 2.0)
+GRID = (0.0, 0.2, 0.6, 2.0, 10.0)
 """Ratios of the SDs, in every combination of which the criterion is looked at first."""
-BEGINNINGS = 2
-"""Of these, how many the search goes on from."""
 MOST_STEPS = 60
 
 
@@ -161,12 +158,22 @@ class RestrictedLikelihood:
     def best(self) -> FloatArray:
         """The ratios at which the criterion is least; 0 where it rises from 0 on.
 
-        Looked for from the best points of a coarse grid, because there may be more than one summit.
+        Looked for from every dip of a coarse grid, because there may be more than one summit of the likelihood.
         """
-        grid = [np.array(roots) ** 2 for roots in product(GRID, repeat=len(self.blocks))]
-        grid.sort(key=self.criterion)
-        ends = [self._descend(start) for start in grid[:BEGINNINGS]]
-        return min(ends, key=self.criterion)
+        count = len(self.blocks)
+        if not count:
+            return np.zeros(0)
+        found = np.empty((len(GRID),) * count)
+        for place in np.ndindex(found.shape):
+            found[place] = self.criterion(np.array([GRID[index] ** 2 for index in place]))
+        dips = np.ones_like(found, dtype=bool)
+        for axis in range(count):
+            rise = np.diff(found, axis=axis)
+            edge = np.full_like(found.take([0], axis=axis), np.inf)
+            dips &= np.concatenate([rise, edge], axis=axis) >= 0.0
+            dips &= np.concatenate([-edge, rise], axis=axis) <= 0.0
+        starts = [np.array([GRID[index] ** 2 for index in place]) for place in zip(*np.nonzero(dips), strict=True)]
+        return min((self._descend(start) for start in starts), key=self.criterion)
 
     def _descend(self, ratios: FloatArray) -> FloatArray:
         """Newton's method until nothing moves. A ratio stays at 0 unless the criterion falls from there."""
