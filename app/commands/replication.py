@@ -74,7 +74,7 @@ def replicate(
 @commands.command(
     cls=SeveralValues,
     rich_help_panel=SIMULATE_AND_ANALYSE,
-    epilog="Example: salab mechanism --presets shipped ahead --studies 5 --workers 2 --picture mechanism.svg",
+    epilog="Example: salab mechanism --presets shipped ahead --picture mechanism.svg",
 )
 def mechanism(
     presets: Annotated[list[str], choice(PRESET_NAMES, "studies of ours, one or several")] = ["shipped"],  # noqa: B006

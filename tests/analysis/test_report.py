@@ -112,7 +112,7 @@ def test_the_page_has_every_section(report: Path) -> None:
 
 def test_the_methods_state_every_parameter(report: Path) -> None:
     _, text = read_page(report)
-    numbers = ("alpha = 250", "rationality_per_m = 5", "transition.step_m = 0.05", "robot.speed_m_s = 0.04")
+    numbers = ("alpha = 250", "rationality_per_m = 5", "transition.step_m = 0.05", "robot.speed_m_s = 0.03425")
     rules = ("distractor.every_s = 20", "at least 5 consecutive ticks", "above 0.7", "Brooke", "Hart")
     for parameter in (*numbers, *rules):
         assert parameter in text

@@ -66,13 +66,25 @@ def test_a_file_without_mistakes_is_summed_up_with_its_hash_and_weight(capsys: p
     run(capsys, "new", "mine")
     status, said, complained = run(capsys, "check", "mine.toml")
     summary, weight, drawn = said.splitlines()
-    assert drawn == "layout 'arc' is drawn in mine.layout.png"
+    assert drawn == "layout 'crescent' is drawn in mine.layout.png"
     assert Path("mine.layout.png").stat().st_size > 10_000
     assert (status, complained) == (0, "")
     assert summary.startswith("mine.toml: fine. 3 conditions in 6 orders; 3 trials with 6 tasks each, 18 in all; ")
     study = open_study(Path("mine.toml"))
     assert summary.endswith(f"SHA-256 {study.hash}")
     calibration = study_setup(study).calibration
+    assert calibration is not None
+    assert weight.startswith(
+        f"alpha is calibrated to {calibration.alpha:.4g}, on {calibration.samples} states in which "
+    )
+    for band in calibration.in_use:
+        assert f"{band.information_leads:.0%}" in weight and f"{band.states:.0%} of states" in weight
+
+
+def test_alpha_on_states_at_random_is_told_with_its_shares(capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "new", "first", "--preset", "lab")
+    weight = run(capsys, "check", "first.toml")[1].splitlines()[1]
+    calibration = study_setup(open_study(Path("first.toml"))).calibration
     assert calibration is not None
     assert weight.startswith(f"alpha is calibrated to {calibration.alpha:.4g}. ")
     assert f"information weighs more than goals in {calibration.share_information_above_0_7:.0%} with a vague" in weight
@@ -84,7 +96,7 @@ def test_a_weight_that_is_given_is_not_calibrated(capsys: pytest.CaptureFixture[
     text = Path("mine.toml").read_text(encoding="utf-8")
     Path("mine.toml").write_text(text.replace('alpha = "calibrated"', "alpha = 300.0"), encoding="utf-8")
     summary, drawn = run(capsys, "check", "mine.toml")[1].splitlines()
-    assert summary.startswith("mine.toml: fine. ") and drawn.startswith("layout 'arc' is drawn in ")
+    assert summary.startswith("mine.toml: fine. ") and drawn.startswith("layout 'crescent' is drawn in ")
 
 
 def test_a_folder_that_takes_no_picture_does_not_spoil_the_check(
@@ -94,7 +106,7 @@ def test_a_folder_that_takes_no_picture_does_not_spoil_the_check(
     Path("mine.layout.png").mkdir()
     status, said, _ = run(capsys, "check", "mine.toml")
     assert status == 0
-    assert "layout 'arc' is not drawn: mine.layout.png cannot be written: Is a directory" in said
+    assert "layout 'crescent' is not drawn: mine.layout.png cannot be written: Is a directory" in said
 
 
 def test_a_picture_replaces_nothing_that_a_link_leads_to(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +115,9 @@ def test_a_picture_replaces_nothing_that_a_link_leads_to(capsys: pytest.CaptureF
     Path("mine.layout.png").symlink_to("precious.txt")
     status, said, _ = run(capsys, "check", "mine.toml")
     assert status == 0
-    assert "layout 'arc' is not drawn: mine.layout.png cannot be written: a link, or no regular file, is not" in said
+    assert (
+        "layout 'crescent' is not drawn: mine.layout.png cannot be written: a link, or no regular file, is not" in said
+    )
     Path("picture.png").symlink_to("precious.txt")
     status, _, told = run(capsys, "check", "mine.toml", "--picture", "picture.png")
     assert (status, told) == (
@@ -132,9 +146,9 @@ def test_every_problem_is_told_at_once_with_file_and_line(capsys: pytest.Capture
     run(capsys, "new", "mine")
     text = Path("mine.toml").read_text(encoding="utf-8")
     for old, new in (
-        ("speed_m_s = 0.04", "speed_m_s = 4"),
+        ("speed_m_s = 0.03425", "speed_m_s = 4"),
         ('["sus_modified", "tlx_raw"]', '["trust"]'),
-        ('layout = "arc"', 'layout = "ark"'),
+        ('layout = "crescent"', 'layout = "ark"'),
     ):
         assert text.count(old) == 1
         text = text.replace(old, new)
