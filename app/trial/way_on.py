@@ -158,10 +158,12 @@ class WayOn:
 
     @cached_property
     def _back(self) -> float:
-        """The way back along x: 1 is forward, -1 towards the robot."""
-        before = self._state.position_m[0] < self._scene.start_world_m[0]
+        """The way back along x: 1 is forward, -1 towards the robot, 0 neither, at about the distance of the start."""
+        before_m = self._scene.start_world_m[0] - self._state.position_m[0]
         reach, is_open = (bool(of[self._start]) for of in self._here)
-        return 1.0 if before and (is_open or not reach) else -1.0
+        if is_open and abs(before_m) <= MARGIN_M:
+            return 0.0
+        return 1.0 if before_m > 0.0 and (is_open or not reach) else -1.0
 
     @cached_property
     def _all_open_here(self) -> bool:
