@@ -10,8 +10,6 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 CHECK_JS := $(PY) -m tests.javascript.check
 ON_ALL_CORES := --numprocesses auto --dist loadscope
-# One process more than there are cores, since tests wait too. Files begin in the order of tests/conftest.py.
-WHOLE_SUITE := --numprocesses $$($(PY) -c 'import os; print((os.cpu_count() or 1) + 1)') --dist loadscope --no-loadscope-reorder
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
 
 SHELL := /bin/sh
@@ -72,8 +70,10 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@$(PY) -m mypy
 	@echo "== JavaScript"
 	@$(CHECK_JS)
-	@echo "== pytest: file by file, on all cores; what drives a browser waits much, and runs beside the rest"
-	@$(PY) -m pytest $(WHOLE_SUITE)
+	@echo "== pytest: what needs no browser, on all cores"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
+	@echo "== pytest: what drives a browser, file by file, two at a time"
+	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m browser
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"

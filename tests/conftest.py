@@ -6,7 +6,7 @@ import ipaddress
 import itertools
 import os
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,35 +34,14 @@ CHROMIUM_ARGUMENTS = [
 ]
 
 WHOLE_STUDY = "test_study_browser.py"
-"""Nothing takes as long: it begins first."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Whatever asks for a browser is marked `browser`. Files are put into the order in which processes take them: the
-    whole study first, then slow files with those of the browser spread evenly among them, quick files last, so that all
-    processes end at nearly the same time."""
+    """Whatever asks for a browser is marked `browser`, and a whole study in one begins first: nothing takes as long."""
     for item in items:
         if "chromium_path" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
-    files: dict[Path, list[pytest.Item]] = {}
-    for item in items:
-        files.setdefault(item.path, []).append(item)
-    turns = {name: turn for turn, name in enumerate(in_turn(files))}
-    items.sort(key=lambda item: turns[item.path])
-
-
-def in_turn(files: Mapping[Path, Sequence[pytest.Item]]) -> list[Path]:
-    """The files in the order in which they begin."""
-
-    def marked(path: Path, name: str) -> bool:
-        return any(item.get_closest_marker(name) for item in files[path])
-
-    browser = [path for path in files if marked(path, "browser") and path.name != WHOLE_STUDY]
-    slow = [path for path in files if marked(path, "slow") and not marked(path, "browser")]
-    places = {path: (number + 0.5) / len(group) for group in (browser, slow) for number, path in enumerate(group)}
-    first = [path for path in files if path.name == WHOLE_STUDY]
-    longer = sorted(places, key=lambda path: places[path])
-    return [*first, *longer, *(path for path in files if path not in places and path not in first)]
+    items.sort(key=lambda item: item.path.name != WHOLE_STUDY)
 
 
 @pytest.fixture

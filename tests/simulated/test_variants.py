@@ -86,8 +86,8 @@ def test_a_file_that_holds_code_takes_several_changes_of_a_section_it_has_not() 
 
 @pytest.mark.parametrize("name", ["ahead", "at_rest", "averaged"])
 def test_a_preset_of_information_says_everything_it_stands_for(name: str) -> None:
-    study = changed_study(open_study(None), preset_changes(name))
-    settings = (study.arbiter.information, study.arbiter.look_ahead_m)
-    assert settings == (name, 0.20)
-    assert (study.arbiter.calibrated_on, study.arbiter.keep_way_on) == ("visited", True)
-    assert study.arbiter.model_dump().items() >= KNOWN["fitted"].items()
+    first = changed_study(open_study(None), preset_changes("lab"))
+    study, shipped = changed_study(first, preset_changes(name)), open_study(None)
+    assert study.arbiter.model_dump() == {**shipped.arbiter.model_dump(), "information": name, "look_ahead_m": 0.20}
+    assert (study.robot, study.layout) == (shipped.robot, shipped.layout)
+    assert study.distractor.placement == shipped.distractor.placement
