@@ -7,8 +7,8 @@ Every evaluation runs the same simulated people (common random numbers); a weak 
 what the anchors leave open. Standard deviations are anchors under pure teleoperation only, as everything here.
 
 What is *not* found here, because pure teleoperation says nothing about it, is fixed beforehand and stands in
-`VARIANTS`: the transition model with its delay and step. Each is fitted by itself; the better fit ships, and the report
-shows the other.
+`VARIANTS`: the transition model with its delay and step. Each that is asked for is fitted by itself; the file holds the
+best fit's numbers and how each was found.
 """
 
 from __future__ import annotations
@@ -279,11 +279,12 @@ def as_json(fits: list[Fit], participants: int, seed: int) -> str:
     """The file that ships: the best fit's numbers, and how they were found."""
     best = min(fits, key=lambda item: item.misfit)
     numbers = {name: float(f"{value:.4g}") for name, value in best.values.items()}
+    only = f" --transition {best.variant}" if len(fits) == 1 else ""
     data = {
         "participants": {**assumed(), **means_of(numbers)},
         "study": study_changes(best.variant, numbers),
         "found": {
-            "by": f"salab fit --participants {participants} --seed {seed}",
+            "by": f"salab fit{only} --participants {participants} --seed {seed}",
             "on": "what the paper reports for pure teleoperation, nothing else",
             "rule": rule().sha256,
             "variants": {
