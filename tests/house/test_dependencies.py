@@ -28,6 +28,7 @@ NOT_IMPORTED = {
     "pycollada": "trimesh reads .dae through it",
     "pytest-asyncio": "a plug-in of pytest",
     "pytest-xdist": "a plug-in of pytest",
+    "pytest-timeout": "a plug-in of pytest",
     "ruff": "a command",
     "mypy": "a command",
     "frictionless": "a command",
