@@ -459,7 +459,7 @@ def notes() -> str:
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
-    *("app", "app/*", "app/autonomy/*", "study", "study/*", "study/flow/*", "sim"),
+    *("app", "app/*", "app/autonomy/*", "study", "study/*", "study/flow/*", "sim", "sim/*"),
     *("static", "static/*", "static/participant/*", "tests"),
 )
 """Where a README stands that says what a folder is, in the order told."""

@@ -65,7 +65,7 @@ class Look:
 
     color_rgb: Rgb = STEEL
     drawing: str = ""
-    """Name of a drawing of `sim.props`; it has colours of its own."""
+    """Name of a drawing of `sim.view.props`; it has colours of its own."""
     mesh_obj: str = ""
     """Text of a Wavefront OBJ file."""
 

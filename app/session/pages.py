@@ -12,13 +12,13 @@ from app.trial.labels import Labels
 from app.trial.values import TickResult, TrialView
 from app.trial.verdicts import Verdict
 from app.wire import Instruction, Page, Tick
-from sim import views
+from sim.view import viewpoints
 from study.flow.flow import FLOW, Flow
 from study.flow.page import PageContext
 from study.flow.protocol import Session
 from study.language.words import ENGLISH, Words, phrase
 
-VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in views.VIEWS.values())
+VIEWS: tuple[tuple[str, str], ...] = tuple((view.name, view.label) for view in viewpoints.VIEWS.values())
 """Names and labels of the camera views, the one a session starts with first."""
 
 FAILURES: Mapping[str, str] = {

@@ -9,7 +9,7 @@ from functools import lru_cache
 from html import unescape
 from pathlib import Path
 
-from sim.views import VIEWS
+from sim.view.viewpoints import VIEWS
 from study.definition.layouts import all_shipped_objects, shipped_layouts
 from study.language.words import CONTEXT_END
 
@@ -87,7 +87,7 @@ def _labels() -> Iterator[Text]:
     yield from _of("study/definition/shipped_objects.toml", (item.label for item in objects))
     for name, layout in shipped_layouts().items():
         yield from _of(f"study/definition/shipped_layouts/{name}.toml", (item.label for item in layout.bins))
-    yield from _of("sim/views.py", (view.label for view in VIEWS.values()))
+    yield from _of("sim/view/viewpoints.py", (view.label for view in VIEWS.values()))
 
 
 def _of(place: str, labels: Iterable[str]) -> Iterator[Text]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from sim.interface import Rgb
-from sim.wavefront import read_obj, silhouette
+from sim.view.wavefront import read_obj, silhouette
 from study.definition.study import Study
 
 

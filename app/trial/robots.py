@@ -13,8 +13,8 @@ from study.parts.registry import Registry
 
 if TYPE_CHECKING:
     from sim.interface import Robot
-    from sim.scene import SceneView
-    from sim.spectator import SpectatorView
+    from sim.view.scene import SceneView
+    from sim.view.spectator import SpectatorView
     from study.definition.sections import ViewSettings
 
 ROBOTS = Registry(
@@ -43,8 +43,8 @@ def robot_facts(name: str) -> dict[str, str]:
 
 def make_scene(cues: ViewSettings) -> SceneView:
     """The 3-D view of one session, with what the study shows of depth."""
-    from sim.scene import SceneOptions, SceneView
-    from sim.views import INSET
+    from sim.view.scene import SceneOptions, SceneView
+    from sim.view.viewpoints import INSET
 
     inset = INSET if cues.inset else None
     return SceneView(options=SceneOptions(plumb_line=cues.drop_mark, marked=cues.ring, inset=inset))
@@ -52,6 +52,6 @@ def make_scene(cues: ViewSettings) -> SceneView:
 
 def make_spectator_view(beside: SceneView) -> SpectatorView:
     """The 3-D view of one session for experimenters, with the meshes of the participant's."""
-    from sim.spectator import SpectatorView
+    from sim.view.spectator import SpectatorView
 
     return SpectatorView(beside.look)

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from app.trial.parts import shelf
-from sim import wavefront
 from sim.interface import Bin, Look, ObjectSpec, Rgb, SimError, Table
 from sim.layouts import Layout, layout_problems
 from sim.objects import WorldProblem, object_problems
-from sim.props import DRAWINGS
+from sim.view import wavefront
+from sim.view.props import DRAWINGS
 from study.definition.layouts import (
     LayoutInUse,
     LayoutObject,

@@ -4,8 +4,8 @@
             ══ WebSocket /s/<id>/scene ══► `proxy_scene` ══► ws://127.0.0.1:<port>  (viser, loopback only)
 
 A participant's page opens a second window onto the same server, the inset: `/s/<id>/scene/?inset`. It is the same page
-with another near plane, by which the scene knows it (`sim.nodes`), and draws less often, so that it hardly slows down
-the first.
+with another near plane, by which the scene knows it (`sim.view.nodes`), and draws less often, so that it hardly slows
+down the first.
 
 The same for experimenters at /dashboard/scene/<participant>/, onto the server of their own, with a camera they steer.
 
@@ -38,7 +38,7 @@ from websockets.typing import Subprotocol
 
 from app.errors import LabError
 from app.web.security_headers import CSP, SCENE
-from sim.views import INSET
+from sim.view.viewpoints import INSET
 
 CLIENT_MESSAGES = frozenset({"ViewerCameraMessage", "GetRenderResponseMessage"})
 """The message types a browser may send."""

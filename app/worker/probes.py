@@ -55,6 +55,6 @@ def _answer(connection: Connection) -> None:
 
 
 def _prepare(connection: Connection) -> None:
-    from sim.assets import robot_look
+    from sim.view.assets import robot_look
 
     connection.send(robot_look().note or "")

@@ -49,7 +49,9 @@ def worker_context(robot: str) -> ForkServerContext:
     """The fork server that workers come from. Call before the process has threads. Raises `LabError` for no robot."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["app.worker.worker", "sim.scene", "sim.spectator", ROBOTS.module_of(robot)])
+    context.set_forkserver_preload(
+        ["app.worker.worker", "sim.view.scene", "sim.view.spectator", ROBOTS.module_of(robot)]
+    )
     return context
 
 

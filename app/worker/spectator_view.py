@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from app.trial.engine import TrialEngine
 
 if TYPE_CHECKING:
-    from sim.spectator import SpectatorView
+    from sim.view.spectator import SpectatorView
 
 EVERY_SLICES = 3
 """Ten pictures a second."""

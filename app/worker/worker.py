@@ -60,7 +60,7 @@ from app.worker.time_limit import TimeLimit
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 
 if TYPE_CHECKING:
-    from sim.scene import SceneView
+    from sim.view.scene import SceneView
 
 log = logging.getLogger(__name__)
 

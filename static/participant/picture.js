@@ -1,4 +1,4 @@
-// Drawings for the instruction card: the same shapes and colours as the objects and bins of the scene (sim/props.py).
+// Drawings for the instruction card: the same shapes and colours as the objects and bins of the scene (sim/view/props.py).
 // Those that ship are drawn here; for those of a study's own layout the page is told the look.
 
 import { h, s } from "../common/dom.js";

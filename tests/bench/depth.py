@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from sim.views import DEFAULT_VIEW, INSET, VIEWS, CameraView
+from sim.view.viewpoints import DEFAULT_VIEW, INSET, VIEWS, CameraView
 from tests.bench.figure import Figure
 from tests.simulated.test_seeing_depth import picks_up
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim.views import INSET
+from sim.view.viewpoints import INSET
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pages import CONTENT, tick
 from tests.support.lab_server import LabServer

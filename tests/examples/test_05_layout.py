@@ -20,15 +20,15 @@ from app.simulated.traits import OFF, Population
 from app.trial.robots import make_robot
 from app.trial.setup import StudySetup, study_setup
 from app.trial.world import open_study
-from sim import props
-from sim.assets import simple_look
 from sim.interface import Pose
 from sim.layouts import scene
-from sim.meshes import to_glb
-from sim.scene import SceneView
+from sim.view import props
+from sim.view.assets import simple_look
+from sim.view.meshes import to_glb
+from sim.view.scene import SceneView
 from study.definition.toml_reader import parse_toml
 from study.export.export import read_table
-from tests.sim.test_assets import box_of
+from tests.sim.view.test_assets import box_of
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import invite
 

@@ -75,7 +75,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "pybullet": ("sim.bullet",),
     "pybullet_data": (),
     "pybullet_utils": (),
-    "viser": ("sim.nodes",),
+    "viser": ("sim.view.nodes",),
     "cryptography": ("study.integrity.signing",),
     "sqlalchemy": ("study.store",),
     "sqlite3": ("study.store",),
@@ -101,7 +101,7 @@ PURE = (
     ),
     *("study.language.words", "study.integrity.chain", "study.integrity.content", "study.integrity.findings"),
     *("study.analysis.measures", "study.analysis.summaries", "study.analysis.observations"),
-    *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.views"),
+    *("sim.interface", "sim.fetch", "sim.ik", "sim.objects", "sim.layouts", "sim.clearance", "sim.view.viewpoints"),
 )
 """Rooms and modules of values and rules: no clock, no socket, no randomness of their own, few libraries."""
 CLOCKLESS = (*PURE, "app.trial")
@@ -295,12 +295,12 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
         ("sim.kinematic", "from study import records", "sim is a house of its own"),
         ("app.autonomy.belief", "from sim.interface import TICK_S", "app.autonomy is a house of its own"),
         ("app.autonomy.belief", "from app.errors import LabError", "app.autonomy is a house of its own"),
-        ("sim.scene", "from app.wire import Hello", "sim is a house of its own"),
+        ("sim.view.scene", "from app.wire import Hello", "sim is a house of its own"),
         ("app.lab.lab", "import fastapi", "app.lab.lab:1 imports fastapi: only app.web may"),
         ("app.session.pages", "from starlette.requests import Request", "imports starlette: only app.web may"),
         ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
         ("sim.kinematic", "import pybullet as p", "only sim.bullet may"),
-        ("app.web.scene_proxy", "from viser import ViserServer", "only sim.nodes may"),
+        ("app.web.scene_proxy", "from viser import ViserServer", "only sim.view.nodes may"),
         ("study.export.export", "from sqlalchemy import select", "imports sqlalchemy: only study.store may"),
         (
             "study.export.export",

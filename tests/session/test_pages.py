@@ -12,7 +12,7 @@ from app.session.pages import FAILURES, VIEWS, instruction, notice, page, tick_m
 from app.trial.values import EngineEvent, TickResult, TimeLimits, TrialView, UserInput
 from app.trial.verdicts import Verdict
 from app.wire import SERVER_MESSAGE, Instruction, Message, Page, Tick
-from sim import views
+from sim.view import viewpoints
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.definition.study import Study
 from study.flow.facts import as_read
@@ -212,8 +212,8 @@ def test_only_a_finished_session_leads_back_to_the_recruitment_service() -> None
 
 
 def test_the_views_are_those_of_the_scene() -> None:
-    assert dict(VIEWS) == {name: view.label for name, view in views.VIEWS.items()}
-    assert VIEWS[0][0] == views.DEFAULT_VIEW  # what the page marks as chosen is what the scene shows
+    assert dict(VIEWS) == {name: view.label for name, view in viewpoints.VIEWS.items()}
+    assert VIEWS[0][0] == viewpoints.DEFAULT_VIEW  # what the page marks as chosen is what the scene shows
 
 
 # ---- ticks and instructions -----------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from app.session.commands import ACTS
-from sim.views import VIEWS
+from sim.view.viewpoints import VIEWS
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.flow.protocol import TERMINAL
 

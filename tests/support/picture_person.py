@@ -16,7 +16,7 @@ from app.autonomy.actions import Direction
 from app.trial.engine import TrialEngine
 from app.trial.values import UserInput
 from sim.interface import Vector3
-from sim.views import DEFAULT_VIEW, INSET, VIEWS, CameraView
+from sim.view.viewpoints import DEFAULT_VIEW, INSET, VIEWS, CameraView
 
 OVERVIEW_PX = (930, 664)
 INSET_PX = (304, 200)

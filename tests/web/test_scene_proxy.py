@@ -31,10 +31,10 @@ from websockets.typing import Subprotocol
 
 from app.web import scene_proxy
 from app.web.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
-from sim.assets import simple_look
-from sim.scene import SceneView
-from sim.views import INSET
-from tests.sim.test_scene import SIX, joined, world
+from sim.view.assets import simple_look
+from sim.view.scene import SceneView
+from sim.view.viewpoints import INSET
+from tests.sim.view.test_scene import SIX, joined, world
 from tests.support.viser_client import PROTOCOL, TIMEOUT_S, ViserClient, camera_message
 
 

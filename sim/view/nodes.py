@@ -18,8 +18,8 @@ from typing import Any
 import viser
 
 from sim.interface import QuaternionWxyz, SimError, Vector3
-from sim.meshes import Material, Mesh, cap_glb, to_glb
-from sim.views import INSET, CameraView, FollowingView
+from sim.view.meshes import Material, Mesh, cap_glb, to_glb
+from sim.view.viewpoints import INSET, CameraView, FollowingView
 
 
 @lru_cache(maxsize=128)

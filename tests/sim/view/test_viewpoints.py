@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sim import fetch, ik
 from sim.interface import SimError, Vector3
 from sim.layouts import LIFT_M, Layout
-from sim.views import DEFAULT_VIEW, INSET, NARROWEST_ASPECT, VIEWS, CameraView
+from sim.view.viewpoints import DEFAULT_VIEW, INSET, NARROWEST_ASPECT, VIEWS, CameraView
 from tests.support.shipped_world import LAYOUTS, OBJECTS
 
 OVERVIEW = VIEWS[DEFAULT_VIEW]

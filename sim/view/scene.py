@@ -8,8 +8,8 @@ A session's loop thread owns a `SceneView` and calls it about 30 times a second:
         view.update(world_state)            after every slice
         view.set_view("side")
 
-How nodes get to the browser is `sim.nodes`. The look is cheap to draw without a graphics card: no environment map, no
-grid, no shadow maps, few triangles, and everything that never moves is unlit with its light in the colours.
+How nodes get to the browser is `sim.view.nodes`. The look is cheap to draw without a graphics card: no environment map,
+no grid, no shadow maps, few triangles, and everything that never moves is unlit with its light in the colours.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 
-from sim import fetch, props
-from sim.assets import RobotLook, robot_look
+from sim import fetch
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
-from sim.nodes import NodeServer
-from sim.views import DEFAULT_VIEW, VIEWS, CameraView, FollowingView
+from sim.view import props
+from sim.view.assets import RobotLook, robot_look
+from sim.view.nodes import NodeServer
+from sim.view.viewpoints import DEFAULT_VIEW, VIEWS, CameraView, FollowingView
 
 LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, QuaternionWxyz]]]
 

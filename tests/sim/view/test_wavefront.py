@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim import props
 from sim.interface import Look, ObjectSpec, Shape, SimError
-from sim.meshes import box, merge, to_glb
-from sim.wavefront import MOST_TRIANGLES, read_obj, silhouette
+from sim.view import props
+from sim.view.meshes import box, merge, to_glb
+from sim.view.wavefront import MOST_TRIANGLES, read_obj, silhouette
 
 CORNERS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for y in (0, 1) for x in (0, 1))
 BOX = CORNERS + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf -7 -5 -1 -3\n"

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim import assets, fetch, props
+from sim import fetch
 from sim.interface import ObjectSpec, SimError
-from sim.meshes import Mesh, box, linear_rgb, loft, merge, rectangle, rod, to_glb
+from sim.view import assets, props
+from sim.view.meshes import Mesh, box, linear_rgb, loft, merge, rectangle, rod, to_glb
 from tests.support.shipped_world import ARC, OBJECTS
 
 BAKED_LIMIT_BYTES = 500_000

@@ -1,6 +1,6 @@
 """The cameras of the picture: where each stands, what it is called, and how wide it looks. Pure.
 
-The page offers the names and labels, the scene (`sim.scene`) places the cameras; both read them here.
+The page offers the names and labels, the scene (`sim.view.scene`) places the cameras; both read them here.
 
 Who drives "forward" and "left" must see the gripper go up and left on the screen: a turned camera makes people map
 one onto the other in their heads, which costs time and errors that are none of the study's business. So `overview`

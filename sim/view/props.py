@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from sim.interface import BIN_WALL_M, STEEL, Bin, ObjectSpec, Rgb, SimError, Table
-from sim.meshes import (
+from sim.view.meshes import (
     FloatArray,
     Mesh,
     ball,
@@ -28,7 +28,7 @@ from sim.meshes import (
     rectangle,
     rod,
 )
-from sim.wavefront import read_obj
+from sim.view.wavefront import read_obj
 
 BLUE: Rgb = (0, 114, 178)
 SKY: Rgb = (86, 180, 233)

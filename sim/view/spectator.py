@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sim import props
-from sim.assets import RobotLook
 from sim.interface import Pose, SceneSpec, Vector3, WorldState
-from sim.scene import SceneOptions, SceneView
-from sim.views import SPECTATOR
+from sim.view import props
+from sim.view.assets import RobotLook
+from sim.view.scene import SceneOptions, SceneView
+from sim.view.viewpoints import SPECTATOR
 
 FULL_M = 0.30
 ABOVE_M = 0.03

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from sim.interface import Rgb, SimError
-from sim.meshes import Mesh, box, capsule, merge, rod, to_glb
+from sim.view.meshes import Mesh, box, capsule, merge, rod, to_glb
 
 BAKE_VERSION = 4
 """Raise it when what is baked changes: the cache is keyed by it."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.interface import Rgb, SimError
-from sim.meshes import FloatArray, Mesh
+from sim.view.meshes import FloatArray, Mesh
 
 MOST_TRIANGLES = 10_000
 """What a browser without a graphics card draws beside seven more."""

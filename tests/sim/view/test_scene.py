@@ -11,11 +11,11 @@ import pytest
 
 from app.contracts.driving import START_JOINTS_RAD
 from sim import fetch
-from sim.assets import simple_look
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
 from sim.layouts import practice_scene, scene
-from sim.scene import SceneOptions, SceneView
-from sim.views import DEFAULT_VIEW, INSET, VIEWS
+from sim.view.assets import simple_look
+from sim.view.scene import SceneOptions, SceneView
+from sim.view.viewpoints import DEFAULT_VIEW, INSET, VIEWS
 from tests.support.shipped_world import ARC, STUDY_OBJECTS
 from tests.support.viser_client import TIMEOUT_S, ViserClient, names
 

@@ -22,15 +22,15 @@ from app.session.worker_link import WorkerLink
 from app.simulated.connection import enter
 from app.worker.messages import Begin, Ready, Spectate, SpectatorPort, Stop, Ticked
 from app.worker.spectator_view import EVERY_SLICES, OnDemandView
-from sim.assets import simple_look
 from sim.interface import SLICES_PER_TICK
 from sim.kinematic import KinematicRobot
 from sim.layouts import scene
-from sim.scene import SceneView
-from sim.spectator import FULL_M, SpectatorView
-from sim.views import SPECTATOR
+from sim.view.assets import simple_look
+from sim.view.scene import SceneView
+from sim.view.spectator import FULL_M, SpectatorView
+from sim.view.viewpoints import SPECTATOR
 from tests.conftest import CHROMIUM_ARGUMENTS
-from tests.sim.test_scene import LAYOUT, SIX, joined, world
+from tests.sim.view.test_scene import LAYOUT, SIX, joined, world
 from tests.support.lab_server import LabServer
 from tests.support.simulated_pipe import Schedule, beats, of, simulate
 from tests.support.viser_client import PROTOCOL, ViserClient, decoded
