@@ -1,7 +1,7 @@
 """How long tasks take when no time limit ends them, and how often the arm stands because it "cannot fold further".
 
-A time limit hides how long somebody would have been lost. It changes nothing before it is reached, so only people who
-reached one are simulated once more without (`lengths_of_person`); everybody else's tasks are those of the study.
+A time limit hides how long somebody would have been lost. It changes nothing before it is reached, so only trials that
+reached one are simulated once more without (`lengths_of_person`); all other tasks are those of the study.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from app.replication.formats import CONDITION_NAMES, columns, percent
 from app.replication.paper import BALANCED, CONDITIONS_IN_ORDER, TELEOPERATION, reported
-from app.simulated.participant import Case, Record, simulate_trials
+from app.simulated.participant import Case, Record, simulate_trial
 from app.trial.hints import FOLDED
 from sim.interface import TICK_S, Robot
 from study.analysis.measures import CONTROL_SOURCES, TIME_LIMIT
@@ -79,10 +79,16 @@ def lengths_of(ticks: Sequence[Any]) -> tuple[TaskLength, ...]:
 
 
 def lengths_of_person(case: Case, record: Record, make_robot: Callable[[], Robot]) -> tuple[TaskLength, ...]:
-    """The tasks of somebody whose trials left `record`, without time limits: simulated again if one was reached."""
-    if any(task.reason == TIME_LIMIT for task in record["tasks"]):
-        record = simulate_trials(without_limits(case), make_robot)
-    return lengths_of(record["ticks"])
+    """The tasks of somebody whose trials left `record`, without time limits: trials that reached one are simulated
+    again, and are what they would have been in a whole study without limits."""
+    limited = {task.trial for task in record["tasks"] if task.reason == TIME_LIMIT}
+    ticks: list[Any] = []
+    for trial in range(1, len(case.order) + 1):
+        if trial in limited:
+            ticks += simulate_trial(without_limits(case), trial, make_robot)["ticks"]
+        else:
+            ticks += [tick for tick in record["ticks"] if tick.trial == trial]
+    return lengths_of(ticks)
 
 
 def without_limits(case: Case) -> Case:
