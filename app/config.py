@@ -17,6 +17,8 @@ from app.monitoring.log_lines import LogFormat
 
 Pace = Literal["real_time", "lockstep"]
 """`real_time`: a tick every half a second. `lockstep`: one whenever its input arrives."""
+StartMethod = Literal["auto", "forkserver", "spawn"]
+"""How processes of sessions begin: from a `forkserver` that has made the imports, or by `spawn`, each anew."""
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 EVERY_ADDRESS = ("", "0.0.0.0", "::")
 OWN_PATHS = frozenset(
@@ -78,6 +80,9 @@ class LabConfig:
     """Whether real-time sessions have a 3-D scene."""
     log_format: LogFormat = "text"
     """What the lines of the log on standard error are: `text`, or an object of `json` each."""
+    start_method: StartMethod = "auto"
+    """How processes of sessions begin: `forkserver` is quick, `spawn` takes seconds for each and works on every system;
+    `auto` takes the first on Linux and the second elsewhere."""
     heartbeat_ms: int = 100
     """How often a page says that it is there."""
     trusted_proxies: tuple[str, ...] = ()

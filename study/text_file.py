@@ -78,7 +78,7 @@ def opened(path: Path, most_bytes: int, *, within: Path | None = None) -> IO[byt
             raise FileProblem(path, "is a link that leads out of its folder; put the file itself there")
         _check(path, os.stat(place), most_bytes)
         # Checked again once it is open, when nobody can put another one there; and no pipe is waited for meanwhile.
-        descriptor = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = os.open(place, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         file = os.fdopen(descriptor, "rb")
         try:
             _check(path, os.fstat(descriptor), most_bytes)

@@ -17,7 +17,7 @@ from app.commands import options
 from app.commands.console import announce, shown
 from app.commands.groups import RUN_A_STUDY
 from app.commands.options import choice, file, flow_of, folder, port_number, registered
-from app.config import LOOPBACK, LabConfig, Pace, public_url
+from app.config import LOOPBACK, LabConfig, Pace, StartMethod, public_url
 from app.errors import LabError
 from app.limits import with_limits
 from app.monitoring.log_lines import LogFormat
@@ -59,6 +59,9 @@ def serve(
     log_format: Annotated[
         LogFormat, choice(get_args(LogFormat), "how the log on standard error is written, one line an event")
     ] = DEFAULTS.log_format,
+    start_method: Annotated[
+        StartMethod, choice(get_args(StartMethod), "how the processes of sessions begin; spawn works on every system")
+    ] = DEFAULTS.start_method,
     trusted_proxy: Annotated[
         list[str] | None,
         typer.Option(metavar="ADDRESS", help="a proxy on another machine, whose word on who asks is believed"),
@@ -88,6 +91,7 @@ def serve(
         pace=pace,
         scene=not no_scene,
         log_format=log_format,
+        start_method=start_method,
         trusted_proxies=proxies(trusted_proxy or (), behind_one=bool(url)),
         limits=with_limits(limit or ()),
     )
@@ -184,7 +188,9 @@ def listen(host: str, port: int) -> socket.socket:
     # The protocol is named because asyncio turns Nagle's delay off only on sockets that say they are TCP: without it
     # a world and its tick reach the page 40 ms apart.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    # On Windows the option of that name would let another program take the port away; this one keeps it.
+    option = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+    listener.setsockopt(socket.SOL_SOCKET, option, 1)
     try:
         listener.bind((host, port))
         listener.listen(BACKLOG)

@@ -47,6 +47,14 @@ def remove(data_dir: Path) -> None:
     sweep_noted(data_dir)
 
 
+def _another_name(archive: Path, own: Path) -> None:
+    """The same file under another name; a copy on disks without such names (FAT)."""
+    try:
+        os.link(archive, own)
+    except OSError:
+        shutil.copyfile(archive, own)
+
+
 class Exporter:
     """Makes one archive at a time. `now_utc` is asked when one is done."""
 
@@ -91,7 +99,7 @@ class Exporter:
             if status.state != "made":
                 raise LabError(status.text or "The export was ended: somebody cancelled it, or was erased.")
             own = self.archive.with_name(f"{secrets.token_hex(8)}.zip")
-            await asyncio.to_thread(os.link, self.archive, own)
+            await asyncio.to_thread(_another_name, self.archive, own)
             return own
 
     @contextmanager

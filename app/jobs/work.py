@@ -8,10 +8,10 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from typing import Any
 
+from app.processes import step_back
 from study.records import StudyError
 from study.store import StoreTroubled
 
@@ -22,7 +22,7 @@ NICENESS = 15
 
 def run(work: Callable[[Say], dict[str, Any]], *, niceness: int = NICENESS) -> int:
     """Do the work as a program, and say what it made, or in one line why it could not."""
-    os.nice(niceness)
+    step_back(niceness)
     try:
         made = work(say)
     except StoreTroubled as error:

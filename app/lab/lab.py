@@ -18,7 +18,7 @@ from app.errors import LabError
 from app.jobs import eraser
 from app.jobs.exporter import Exporter
 from app.lab.gauges import gauges
-from app.lab.health import Health, why_no_room
+from app.lab.health import ANSWER_WITHIN_S, Health, why_no_room
 from app.lab.lapsing import Lapsing
 from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import check_strength, new_token, same_token, token_hash
@@ -38,7 +38,8 @@ from app.wire import client_message
 from app.worker.messages import WorkerReport, WorkerSpec
 from app.worker.one_answer import Question, one_answer
 from app.worker.probes import prepared_scene, why_no_process
-from app.worker.process import WorkerProcess, tend_fork_server, warm_up, worker_context
+from app.worker.process import WorkerProcess
+from app.worker.process_source import process_source
 from app.worker.time_limit import TimeLimit
 from study.definition.study import Study, plan_session
 from study.flow.distractors.interface import Distractor
@@ -101,7 +102,7 @@ class StudyUnreadable(LabError):
 
 
 class Lab:
-    """Owns the store, the fork server and the live sessions. `open` before use, `close` at the end.
+    """Owns the store, the source of processes and the live sessions. `open` before use, `close` at the end.
 
     Attributes:
         config: how the lab runs.
@@ -147,7 +148,7 @@ class Lab:
         self._later: set[asyncio.Task[None]] = set()
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
-        self._workers = worker_context(config.robot)
+        self._workers = process_source(config.robot, config.start_method)
         self.metrics = Metrics(
             lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers), self.refusals)
         )
@@ -155,6 +156,7 @@ class Lab:
             lambda: self.store.trouble,
             {"workers": lambda: why_no_process(self._workers), "room": lambda: why_no_room(config.data_dir)},
             (lambda: prepared_scene(self._workers)) if config.scene else None,
+            ANSWER_WITHIN_S + self._workers.allowance_s,
         )
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
         self.exporter = Exporter(config.data_dir, lambda: utc_text(now_unix_s()))
@@ -174,7 +176,7 @@ class Lab:
         study = open_study(self.config.study_file, self.config.trust)
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
-        warm_up(self._workers, self.config.robot)
+        self._workers.warm_up(self.config.robot)
         machine = fingerprint_id(machine_fingerprint())
         self._ran_on = {**robot_facts(self.config.robot), "machine": machine}
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
@@ -507,6 +509,7 @@ class Lab:
             ran_on=self._ran_on,
             changed=self.changed,
             metrics=self.metrics,
+            start_allowance_s=self._workers.allowance_s,
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,
         )
@@ -635,7 +638,7 @@ class Lab:
                 except Exception as error:  # the others are looked after all the same
                     self.cannot_show(participant, error)
             if tending is None or tending.done():
-                tending = asyncio.ensure_future(asyncio.to_thread(tend_fork_server))
+                tending = asyncio.ensure_future(asyncio.to_thread(self._workers.tend))
 
     async def let_go(self, deserted_s: float) -> None:
         """Close the sessions nobody has been connected to for so long, and with them their workers."""

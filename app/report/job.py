@@ -18,6 +18,7 @@ import tempfile
 from pathlib import Path
 
 from app.jobs.work import NICENESS, Say, say
+from app.processes import step_back
 from study.export.export import export
 from study.records import StudyError
 from study.store import open_store
@@ -73,7 +74,7 @@ def sentence(text: str, folder: Path) -> str:
 def main() -> int:
     """Run as a program."""
     data_dir, out = (Path(argument) for argument in sys.argv[1:3])
-    os.nice(NICENESS)
+    step_back(NICENESS)
     make_report(data_dir, out, say)
     return 0
 

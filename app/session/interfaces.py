@@ -9,10 +9,10 @@ from typing import Any, Literal, Protocol
 from app.clock import SteadyClock
 from app.config import LabConfig, Pace
 from app.monitoring.metrics import Metrics
+from app.processes import VitalSigns
 from app.trial.labels import Labels
 from app.wire import Message
 from app.worker.messages import WorkerCommand, WorkerReport, WorkerSpec
-from app.worker.process import VitalSigns
 from study.definition.study import SessionPlan, Study
 from study.flow.distractors.interface import Distractor
 from study.flow.distractors.state import DistractorState
@@ -151,6 +151,8 @@ class LabServices:
     """The participant's pages."""
     metrics: Metrics = field(default_factory=Metrics)
     """What is counted and measured."""
+    start_allowance_s: float = 0.0
+    """How much longer than usual a worker may take to its first sign of life, in seconds."""
 
     def now_unix_s(self) -> float:
         """The time by the session's clock."""

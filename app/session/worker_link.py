@@ -31,6 +31,10 @@ class Patience:
     idle_s: float
     busy_s: float
 
+    def longer(self, by_s: float) -> Patience:
+        """So much more of both."""
+        return Patience(self.idle_s + by_s, self.busy_s + by_s)
+
 
 READY = Patience(1.25, 2.0)
 LOCKSTEP = Patience(1.25, 5.0)
@@ -96,6 +100,7 @@ class WorkerLink:
         self._handle: WorkerHandle | None = None
         self._runs: tuple[WorkerKind, int] | None = None
         self._told = _Told()
+        self._has_spoken = False
         self._heard_s = 0.0
         self._worked: tuple[float, float] = (0.0, 0.0)
         self._retry_s = self._failing_since_s = 0.0
@@ -120,7 +125,7 @@ class WorkerLink:
         cannot start processes raises; then it may be tried again."""
         self.epoch += 1
         epoch, self._runs = self.epoch, (kind, trial)
-        self.faulted, self.asking, self._told = False, None, _Told()
+        self.faulted, self.asking, self._told, self._has_spoken = False, None, _Told(), False
         self.ready, self.scene_port, self.spectator_port = False, None, None
         spec = await self._services.make_spec(kind, trial)
         if spec is None:
@@ -207,7 +212,7 @@ class WorkerLink:
     def _report(self, epoch: int, report: WorkerReport) -> None:
         """The worker said something: it lives, whenever the session comes to deal with it."""
         if epoch == self.epoch:
-            self._heard_s = self._services.now_unix_s()
+            self._heard_s, self._has_spoken = self._services.now_unix_s(), True
             if isinstance(report, Asking):
                 self.asking = report if report.part else None
         if not isinstance(report, (Alive, Asking)):
@@ -243,6 +248,8 @@ class WorkerLink:
             self.kill()
             return hangs
         patience = STARTING if not self.ready else LOCKSTEP if in_lockstep else READY
+        if not self._has_spoken:
+            patience = patience.longer(self._services.start_allowance_s)
         if self._is_beyond(patience, silent_s):
             fields = about(participant=self._participant, silent_s=round(silent_s, 1))
             log.error("a worker hangs and is ended", extra=fields)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import resource
 from collections.abc import Iterable
 from http import HTTPStatus
 from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
@@ -44,12 +43,25 @@ SLICE_BYTES = 4096
 
 def allowed_connections(limits: Limits) -> int:
     """How many connections may be open, after asking the system for as many file descriptors as it gives."""
+    given = _file_descriptors(limits.connections + OTHER_FILES)
+    return max(1, min(limits.connections, given - OTHER_FILES if given > 2 * OTHER_FILES else given // 2))
+
+
+def _file_descriptors(wanted: int) -> int:
+    """How many there are after asking for so many. On Windows sockets are none, and nothing limits them."""
+    try:
+        import resource
+    except ImportError:
+        return wanted
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = limits.connections + OTHER_FILES
-    if soft < wanted:
-        soft = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-    return max(1, min(limits.connections, soft - OTHER_FILES if soft > 2 * OTHER_FILES else soft // 2))
+    if soft >= wanted:
+        return soft
+    more = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (more, hard))
+    except (OSError, ValueError):  # macOS refuses what is beyond its own bound, whatever it says of the hard one
+        return soft
+    return more
 
 
 class Proxies:

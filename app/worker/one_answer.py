@@ -4,7 +4,6 @@ anything, and the lab's own process serves everybody."""
 from __future__ import annotations
 
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
 
 import numpy as np
 
@@ -12,27 +11,28 @@ from app.autonomy.actions import Direction, index_of
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Models, State
 from app.trial.parts import make_arbiter
+from app.worker.process_source import ProcessSource
 from study.parts.errors import PartError, one_line
 from study.parts.shelf import Named
 
 REPLY_WITHIN_S = 10.0
-"""With the start of the process; the answer itself is limited as in a trial."""
+"""With the start of a process that need not make its imports; the answer itself is limited as in a trial."""
 
 Question = tuple[Named, Models, State, tuple[float, ...], Direction | None]
 """Arbiter, models, state, belief after the person's action, and that action."""
 
 
-def one_answer(context: ForkServerContext, question: Question) -> int:
+def one_answer(source: ProcessSource, question: Question) -> int:
     """The index of the action it chooses when everything can be done. Blocks; raises `PartError` with one line."""
     named = question[0]
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(theirs, question), daemon=True)
+    ours, theirs = source.pipe(duplex=False)
+    process = source.process(_answer, theirs, question)
     process.start()
     theirs.close()
     said: object = "gave no answer"
     with ours:
         try:
-            if ours.poll(REPLY_WITHIN_S):
+            if ours.poll(REPLY_WITHIN_S + source.allowance_s):
                 said = ours.recv()
         except EOFError:
             said = "ended the process that it runs in"

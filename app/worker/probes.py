@@ -1,4 +1,4 @@
-"""What is asked of the fork server besides workers: whether a process can be started at all, and to prepare the scene.
+"""What is asked for besides workers: whether a process can be started at all, and to prepare the scene.
 
 Each blocks, and is asked on a thread of its own.
 """
@@ -7,35 +7,40 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
+
+from app.worker.process_source import ProcessSource
 
 START_WITHIN_S = 10.0
-"""The fork server may have to be started anew, with its imports."""
+"""A fork server may have to be started anew, with its imports."""
 BAKE_WITHIN_S = 300.0
 
 
-def why_no_process(context: ForkServerContext, within_s: float = START_WITHIN_S) -> str:
+def why_no_process(source: ProcessSource, within_s: float = START_WITHIN_S) -> str:
     """Why no process can be started for a session; "" when one was."""
     try:
-        return "" if _ask(context, _answer, within_s) == "" else "a process for a session gave no answer"
+        return (
+            ""
+            if _ask(source, _answer, within_s + source.allowance_s) == ""
+            else "a process for a session gave no answer"
+        )
     except EOFError:
         return "the process that sessions' processes come from has ended"  # the next try begins it anew
     except OSError as error:
         return f"a process for a session cannot be started: {error.strerror or error}"
 
 
-def prepared_scene(context: ForkServerContext, within_s: float = BAKE_WITHIN_S) -> str:
+def prepared_scene(source: ProcessSource, within_s: float = BAKE_WITHIN_S) -> str:
     """Have the robot's look made ready where it is not; what to tell of it, "" for nothing."""
     try:
-        return _ask(context, _prepare, within_s) or ""
+        return _ask(source, _prepare, within_s) or ""
     except (EOFError, OSError) as error:
         return f"the robot's look could not be prepared: {error}"
 
 
-def _ask(context: ForkServerContext, target: Callable[[Connection], None], within_s: float) -> str | None:
+def _ask(source: ProcessSource, target: Callable[[Connection], None], within_s: float) -> str | None:
     """What a process says, None for nothing in time."""
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=target, args=(theirs,), daemon=True)
+    ours, theirs = source.pipe(duplex=False)
+    process = source.process(target, theirs)
     with ours:
         try:
             process.start()

@@ -1,36 +1,24 @@
 """Starting, hearing and ending worker processes, from the lab's event loop.
 
-Workers come from a fork server (a process without threads), with the heavy imports made once, so a new worker is
-ready in a fraction of a second and a crash in native code ends that worker alone. A worker that hangs holds up nobody
-else: it is started and told on other threads, and the session ends one that no longer answers. A fork server that died
-is replaced before anybody needs it, one that hangs when it was asked for a worker in vain; its workers go on.
+A crash in native code ends its worker alone. A worker that hangs holds up nobody else: it is started and told on other
+threads, and the session ends one that no longer answers.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-import multiprocessing
-import multiprocessing.forkserver
-import os
-import signal
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
-from multiprocessing.process import BaseProcess
-from pathlib import Path
-from typing import Any, cast
 
-from app.errors import LabError
 from app.monitoring.log_lines import about
 from app.monitoring.log_setup import set_up_logging
-from app.trial.robots import ROBOTS, make_robot
+from app.processes import VitalSigns, kill, vital_signs
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
-from study.parts.errors import PartError
+from app.worker.process_source import ProcessesHang, ProcessSource, StartWatch
 
 log = logging.getLogger(__name__)
 
@@ -39,110 +27,7 @@ STOP_WITHIN_S = 3.0
 KILLED_WITHIN_S = 1.0
 """The end of a killed worker is believed by then, though its connection (which it may have given on) did not close."""
 LOOK_EVERY_S = 0.25
-IDLE_S = 2.0
-"""A fork server that was asked for a worker and does nothing for so long hangs."""
-BUSY_S = 20.0
-"""One that works may still be making its imports, but not for ever."""
-
-
-def worker_context(robot: str) -> ForkServerContext:
-    """The fork server that workers come from. Call before the process has threads. Raises `LabError` for no robot."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(
-        ["app.worker.worker", "sim.view.scene", "sim.view.spectator", ROBOTS.module_of(robot)]
-    )
-    return context
-
-
-def warm_up(context: ForkServerContext, robot: str) -> None:
-    """Start the fork server and let it make its imports now, so that the first session does not wait for them.
-
-    Raises `LabError` with one line for a robot that cannot be made: it is tried there, since this process must never
-    load physics.
-    """
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_try_robot, args=(robot, theirs))
-    process.start()
-    theirs.close()
-    with ours:
-        try:
-            problem: str | None = ours.recv()
-        except EOFError:
-            process.join()
-            problem = f"robot {robot!r} cannot be made: its process ended with {process.exitcode}"
-    process.join()
-    if problem is not None:
-        raise LabError(problem)
-
-
-@dataclass(frozen=True)
-class VitalSigns:
-    """Of a process: whether it was stopped from outside, and how much processor time it has had, in seconds."""
-
-    stopped: bool
-    cpu_s: float
-
-
-def vital_signs(pid: int | None) -> VitalSigns | None:
-    """From the kernel's table of processes; None on machines that have it elsewhere, and for no process."""
-    try:
-        line = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
-        fields = line.rpartition(")")[2].split()
-        return VitalSigns(fields[0] in "Tt", (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"))
-    except (OSError, ValueError, IndexError):
-        return None
-
-
-class ForkServerHangs(LabError):
-    """The process that workers come from gave none; it has been ended, and the next one comes from another."""
-
-
-def tend_fork_server() -> None:
-    """Start another fork server when the present one died: then its imports are made before a worker is needed."""
-    multiprocessing.forkserver.ensure_running()
-
-
-def _fork_server_pid() -> int | None:
-    server = multiprocessing.forkserver._forkserver  # the module has no other way to name its process
-    pid: int | None = getattr(server, "_forkserver_pid", None)
-    return pid
-
-
-class _ForkServerWatch:
-    """Whether the fork server does something about a worker that it was asked for."""
-
-    def __init__(self) -> None:
-        self._asked_s = self._worked_s = time.monotonic()
-        self._cpu_s = -1.0
-
-    def hangs(self) -> bool:
-        """Whether it will give none. To be asked a few times a second."""
-        now_s, signs = time.monotonic(), vital_signs(_fork_server_pid())
-        if signs is not None and signs.cpu_s != self._cpu_s:
-            self._cpu_s, self._worked_s = signs.cpu_s, now_s
-        is_idle = signs is not None and now_s - self._worked_s > IDLE_S
-        return is_idle or now_s - self._asked_s > BUSY_S
-
-    def end(self) -> None:
-        """End it: the next worker comes from another one."""
-        pid = _fork_server_pid()
-        log.error("the process that workers come from hangs and is ended")
-        if pid is not None:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-
-
-def _try_robot(robot: str, connection: Connection) -> None:
-    """Make a robot and let it go, in a worker that only warms up; send the reason why it cannot be, or None."""
-    try:
-        make_robot(robot).close()
-    except PartError as error:
-        connection.send(str(error))
-    except Exception as error:
-        connection.send(f"robot {robot!r} cannot be made: {type(error).__name__}: {error}")
-    else:
-        connection.send(None)
+"""How often a thread that waits looks whether it is still wanted."""
 
 
 def _entry(connection: Connection, spec: WorkerSpec) -> None:
@@ -199,6 +84,35 @@ class _Outgoing:
                 return  # the worker is gone; its exit is reported on its own
 
 
+class _Incoming:
+    """Reports of a worker, heard by a thread of their own: for event loops that can only wait for sockets (Windows)."""
+
+    def __init__(self, connection: Connection, hear: Callable[[WorkerReport], None], end: Callable[[], None]) -> None:
+        self._connection = connection
+        self._hear = hear
+        self._end = end
+        self._loop = asyncio.get_running_loop()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="worker reports", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Hear no more. The thread closes the connection: nobody else can, while it waits there."""
+        self._over.set()
+
+    def _run(self) -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            with suppress(EOFError, OSError):
+                while not self._over.is_set():
+                    if self._connection.poll(LOOK_EVERY_S):
+                        self._loop.call_soon_threadsafe(self._hear, self._connection.recv())
+            self._loop.call_soon_threadsafe(self._end)
+        self._connection.close()
+
+
 class WorkerProcess:
     """One live worker. Reports arrive through `on_report` in order; `on_exit` is called once, after the last.
 
@@ -208,7 +122,7 @@ class WorkerProcess:
 
     def __init__(
         self,
-        context: ForkServerContext,
+        source: ProcessSource,
         spec: WorkerSpec,
         on_report: Callable[[WorkerReport], None],
         on_exit: Callable[[], None],
@@ -216,9 +130,10 @@ class WorkerProcess:
         self._loop = asyncio.get_running_loop()
         self._on_report = on_report
         self._on_exit = on_exit
-        self._connection, theirs = context.Pipe()
-        self._process = cast(BaseProcess, context.Process(target=_entry, args=(theirs, spec), daemon=True))
-        self._theirs = theirs
+        self._source = source
+        self._connection, self._theirs = source.pipe()
+        self._process = source.process(_entry, self._theirs, spec)
+        self._incoming: _Incoming | None = None
         self._outgoing = _Outgoing(self._connection)
         self._exited = asyncio.Event()
 
@@ -228,16 +143,17 @@ class WorkerProcess:
         return self._process.pid
 
     async def start(self) -> None:
-        """Start the process and listen to it. Raises `ForkServerHangs`, or what the machine says."""
+        """Start the process and listen to it. Raises `ProcessesHang`, or what the machine says."""
         starting = asyncio.ensure_future(asyncio.to_thread(self._process.start))
-        watch = _ForkServerWatch()
+        watch = StartWatch(self._source)
         try:
             while not (await asyncio.wait({starting}, timeout=LOOK_EVERY_S))[0]:
                 if watch.hangs():
-                    watch.end()  # which ends the waiting too
-                    with suppress(Exception):
-                        await starting
-                    raise ForkServerHangs("the process that workers come from hung and was ended")
+                    if watch.end():  # which ends the waiting too
+                        with suppress(Exception):
+                            await starting
+                        raise ProcessesHang("the process that workers come from hung and was ended")
+                    raise ProcessesHang("the system gave no process in time")
             await starting
         except BaseException:
             self._connection.close()  # a worker that came too late has nobody to serve, and ends
@@ -245,7 +161,11 @@ class WorkerProcess:
         finally:
             self._theirs.close()
         self._outgoing.start()
-        self._loop.add_reader(self._connection.fileno(), self._read)
+        try:
+            self._loop.add_reader(self._connection.fileno(), self._read)
+        except NotImplementedError:
+            self._incoming = _Incoming(self._connection, self._heard, self._ended)
+            self._incoming.start()
 
     def send(self, command: WorkerCommand) -> None:
         """Hand over a command; never blocks. A worker that is gone does not hear it (its exit is reported)."""
@@ -266,8 +186,7 @@ class WorkerProcess:
         """End the process at once, whatever became of the fork server it is of."""
         if self._exited.is_set() or self.pid is None:
             return
-        with suppress(ProcessLookupError):
-            os.kill(self.pid, signal.SIGKILL)
+        kill(self.pid)
         self._loop.call_later(KILLED_WITHIN_S, self._ended)
 
     def vital_signs(self) -> VitalSigns | None:
@@ -277,17 +196,23 @@ class WorkerProcess:
     def _read(self) -> None:
         try:
             while self._connection.poll():
-                report: Any = self._connection.recv()
-                self._on_report(report)
+                self._on_report(self._connection.recv())
         except (EOFError, OSError):
             self._ended()
+
+    def _heard(self, report: WorkerReport) -> None:
+        if not self._exited.is_set():
+            self._on_report(report)
 
     def _ended(self) -> None:
         """Nothing more will come of it."""
         if self._exited.is_set():
             return
-        self._loop.remove_reader(self._connection.fileno())
         self._outgoing.put(None)
-        self._connection.close()
+        if self._incoming is not None:
+            self._incoming.stop()
+        else:
+            self._loop.remove_reader(self._connection.fileno())
+            self._connection.close()
         self._exited.set()
         self._on_exit()

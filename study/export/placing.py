@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import fcntl
 import os
 import shutil
 import tempfile
@@ -21,12 +20,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from study.disk.flushing import to_disk
+from study.disk.locks import Lock, hold
+
 PREFIX = ".salab-export-"
 """What the names of work folders begin with."""
 NOTES = ".exports-under-way"
 """The folder, in a data folder, of files that say where work folders are."""
 _EARLIER, _PLACE = "earlier", "place"
 """In a work folder: what stood in the place before, and the name of the place, while the two change places."""
+_LOCK = "lock"
+"""In a work folder: whose holder is gone may be removed."""
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
@@ -44,8 +48,7 @@ def work_folder(parent: Path, data_dir: Path | None = None) -> Iterator[Path]:
     try:
         yield work
     finally:
-        shutil.rmtree(work, ignore_errors=True)
-        os.close(lock)
+        _remove(work, lock)
         if note is not None:
             note.unlink(missing_ok=True)
             with contextlib.suppress(OSError):
@@ -61,7 +64,7 @@ def put_in_place(made: Path, place: Path) -> None:
             _moved_around(made, place)
     else:
         os.replace(made, place)
-    _flush_one(place.parent)
+    to_disk(place.parent)
 
 
 def sweep(parent: Path) -> None:
@@ -82,29 +85,36 @@ def sweep_noted(data_dir: Path) -> None:
         (data_dir / NOTES).rmdir()
 
 
-def _made(parent: Path) -> tuple[Path, int]:
-    """A new work folder and the descriptor that holds its lock."""
+def _made(parent: Path) -> tuple[Path, Lock]:
+    """A new work folder and the lock that says that it is somebody's."""
     while True:
         work = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
-        lock = _locked(work)
-        if lock is not None and work.is_dir():
-            return work, lock
-        if lock is not None:
-            os.close(lock)  # somebody swept before it was locked
+        with contextlib.suppress(FileNotFoundError):  # somebody swept before it was locked
+            lock = hold(work / _LOCK)
+            if lock is not None:
+                return work, lock
 
 
-def _locked(work: Path) -> int | None:
-    """The descriptor of a folder that nobody else has locked."""
-    try:
-        lock = os.open(work, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except OSError:
+def _locked(work: Path) -> Lock | None:
+    """The lock of a work folder that nobody else has; of no link, which leads who knows where."""
+    if work.is_symlink():
         return None
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return hold(work / _LOCK)
     except OSError:
-        os.close(lock)
         return None
-    return lock
+
+
+def _remove(work: Path, lock: Lock) -> None:
+    """Remove a work folder of one's own, its lock last: until then nobody else begins to."""
+    with contextlib.suppress(OSError):
+        for path in work.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.name != _LOCK:
+                path.unlink(missing_ok=True)
+    lock.close()  # Windows removes no file that is open
+    shutil.rmtree(work, ignore_errors=True)
 
 
 def _noted(work: Path, data_dir: Path) -> Path | None:
@@ -129,9 +139,8 @@ def _remove_if_abandoned(work: Path) -> bool:
             place = work.parent / (work / _PLACE).read_text(encoding="utf-8")
             if place.parent == work.parent and not place.exists():  # killed between two moves
                 os.rename(work / _EARLIER, place)
-        shutil.rmtree(work, ignore_errors=True)
     finally:
-        os.close(lock)
+        _remove(work, lock)
     return not work.exists()
 
 
@@ -139,7 +148,7 @@ def _exchanged(made: Path, place: Path) -> bool:
     """Let two folders change places in one step, where the system can do that."""
     try:
         rename = ctypes.CDLL(None, use_errno=True).renameat2
-    except (AttributeError, OSError):
+    except (AttributeError, OSError, TypeError):  # of macOS, of an old kernel's library, of Windows
         return False
     return bool(rename(_AT_FDCWD, os.fsencode(made), _AT_FDCWD, os.fsencode(place), _RENAME_EXCHANGE) == 0)
 
@@ -149,7 +158,7 @@ def _moved_around(made: Path, place: Path) -> None:
     `sweep` brings it back."""
     work = made.parent
     (work / _PLACE).write_text(place.name, encoding="utf-8")
-    _flush_one(work / _PLACE)
+    to_disk(work / _PLACE)
     os.rename(place, work / _EARLIER)
     try:
         os.rename(made, place)
@@ -160,12 +169,4 @@ def _moved_around(made: Path, place: Path) -> None:
 
 def _flush(made: Path) -> None:
     for path in (*made.rglob("*"), made) if made.is_dir() else (made,):
-        _flush_one(path)
-
-
-def _flush_one(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        to_disk(path)

@@ -16,6 +16,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+from study.disk.flushing import to_disk
 from study.integrity.checksums import SUMS_NAME, changed_files, check_sums, digest, sums_of
 from study.integrity.findings import Verdict
 from study.integrity.signing import KEY_NAME
@@ -100,21 +101,13 @@ def _made_whole(place: Path) -> Iterator[Path]:
         yield made
         for path in made.iterdir():
             path.chmod(0o600)
-            _to_disk(path)
-        _to_disk(made)
+            to_disk(path)
+        to_disk(made)
         if place.exists():
             place.rmdir()
         made.rename(place)
-        _to_disk(place.parent)
+        to_disk(place.parent)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(f"{place}: cannot be written: {error}") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _to_disk(path: Path) -> None:
-    file = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)

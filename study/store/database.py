@@ -9,7 +9,6 @@ the database is still where it was opened, and raises when it is not.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import sqlite3
@@ -17,17 +16,19 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from urllib.parse import quote
 
 import sqlalchemy as sql
 from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
+from study.disk.flushing import to_disk
+from study.disk.locks import Lock, hold
+from study.disk.private_files import FOLDER_MODE, keep_private, make_private
 from study.store import ledger, migration
 from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
 from study.store.fingerprint import fingerprint_text, machine_fingerprint
 from study.store.page_sums import forget_sums, write_sums
-from study.store.private_files import FOLDER_MODE, keep_private, make_private
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
@@ -74,18 +75,14 @@ def _close_to_others(folder: Path, path: Path) -> None:
     keep_private(folder, path.stem)
 
 
-def _lock(folder: Path) -> IO[str]:
+def _lock(folder: Path) -> Lock:
     """The folder's lock, held until it is closed. Raises `StoreError` when a lab holds it, or it cannot be made."""
     try:
-        make_private(folder / LOCK_NAME)
-        lock = (folder / LOCK_NAME).open("w")
+        lock = hold(folder / LOCK_NAME)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as data folder: {error.strerror or error}") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.close()
-        raise StoreError(f"{folder}: another lab is running on this data folder") from None
+    if lock is None:
+        raise StoreError(f"{folder}: another lab is running on this data folder")
     return lock
 
 
@@ -97,7 +94,7 @@ class Database:
         writes: how many transactions were written.
     """
 
-    def __init__(self, path: Path, lock: IO[str] | None = None) -> None:
+    def __init__(self, path: Path, lock: Lock | None = None) -> None:
         self.path = path
         self.writes = 0
         self._lock = lock
@@ -194,11 +191,7 @@ class Database:
         with closing(sqlite3.connect(path)) as copy:
             copy.execute("PRAGMA synchronous=FULL")
             self._anchor.backup(copy)
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        to_disk(path)
 
     def _found(self) -> tuple[tuple[int, int] | None, ...]:
         """Device and inode of each of the files that stand there now."""

@@ -38,7 +38,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.monitoring",),
     ("app.texts",),
     ("app.limits",),
-    ("app.errors",),
+    ("app.errors", "app.processes"),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
     ("study.export",),
@@ -47,7 +47,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.definition",),
     ("study.parts", "study.language"),
     ("study.integrity",),
-    ("study.text_file",),
+    ("study.text_file", "study.disk"),
     ("study.records", "study.json_text"),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
@@ -77,6 +77,8 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "pybullet_utils": (),
     "viser": ("sim.view.nodes",),
     "cryptography": ("study.integrity.signing",),
+    "portalocker": ("study.disk.locks",),
+    "psutil": ("app.processes",),
     "sqlalchemy": ("study.store",),
     "sqlite3": ("study.store",),
     "aiosqlite": (),

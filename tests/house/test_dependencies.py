@@ -33,6 +33,7 @@ NOT_IMPORTED = {
     "mypy": "a command",
     "frictionless": "a command",
     "types-tqdm": "mypy reads them",
+    "types-psutil": "mypy reads them",
     "sphinx": "a command",
     "myst-parser": "an extension of sphinx",
     "furo": "a theme of sphinx",

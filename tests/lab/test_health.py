@@ -16,7 +16,7 @@ import pytest
 
 from app.lab.health import MIN_FREE_BYTES, Check, CheckName, Health, why_no_room
 from app.worker.probes import why_no_process
-from app.worker.process import warm_up, worker_context
+from app.worker.process_source import process_source
 from study.store import WHAT_TO_DO, Trouble
 
 
@@ -133,21 +133,21 @@ def test_a_disk_that_is_nearly_full_takes_nobody_new(tmp_path: Path) -> None:
 def test_a_process_is_really_started_also_after_the_fork_server_died() -> None:
     from multiprocessing import forkserver
 
-    context = worker_context("kinematic")
-    warm_up(context, "kinematic")
-    assert why_no_process(context) == ""
+    source = process_source("kinematic")
+    source.warm_up("kinematic")
+    assert why_no_process(source) == ""
     server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
     os.kill(server, signal.SIGKILL)
     tries = iter(range(1000))
-    while why_no_process(context, within_s=60.0):  # until the system has taken it away; then a new one begins
+    while why_no_process(source, within_s=60.0):  # until the system has taken it away; then a new one begins
         assert next(tries, None) is not None
 
 
 def test_that_no_process_can_be_started_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    context = worker_context("kinematic")
+    source = process_source("kinematic")
 
     def no_pipe(duplex: bool = True) -> None:
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(context, "Pipe", no_pipe)
-    assert why_no_process(context) == "a process for a session cannot be started: Too many open files"
+    monkeypatch.setattr(source._context, "Pipe", no_pipe)
+    assert why_no_process(source) == "a process for a session cannot be started: Too many open files"

@@ -8,10 +8,10 @@ from typing import Any, cast
 import pytest
 
 from app.clock import SteadyClock
+from app.processes import VitalSigns
 from app.session.interfaces import LabServices
 from app.session.worker_link import LOCKSTEP, READY, STARTING, STOPPED_S, Patience, WorkerLink
 from app.worker.messages import Alive, Asking, Begin, Free, Hold, PartFailed, SetView, WorkerCommand, WorkerReport
-from app.worker.process import VitalSigns
 
 
 class Machine:
@@ -20,7 +20,7 @@ class Machine:
     def __init__(self) -> None:
         self.wall_unix_s, self.monotonic_s = 1_700_000_000.0, 5.0
         self.clock = SteadyClock(lambda: self.wall_unix_s, lambda: self.monotonic_s)
-        self.killed = 0
+        self.killed, self.start_allowance_s = 0, 0.0
         self.metrics = SimpleNamespace(worker_lost=lambda: None)
         self.signs: VitalSigns | None = VitalSigns(stopped=False, cpu_s=0.0)
         self.told: list[WorkerCommand] = []
@@ -98,6 +98,17 @@ def test_one_that_works_is_given_longer_and_not_for_ever(
         machine.signs = VitalSigns(stopped=False, cpu_s=waited_s) if is_told else None
         machine.link.end_if_hung(in_lockstep)
     assert waited_s == pytest.approx(patience.busy_s, abs=0.3)
+
+
+def test_one_that_makes_its_imports_itself_has_longer_to_its_first_word_and_not_after_it(machine: Machine) -> None:
+    machine.start_allowance_s = 30.0
+    machine.passes(30.0 + STARTING.idle_s - 0.1)
+    machine.link.end_if_hung(in_lockstep=False)
+    assert machine.killed == 0
+    machine.says(Alive())
+    machine.passes(STARTING.idle_s + 0.1)
+    machine.link.end_if_hung(in_lockstep=False)
+    assert machine.killed == 1
 
 
 def test_one_that_was_stopped_before_it_was_ready_has_not_the_time_of_a_start(machine: Machine) -> None:

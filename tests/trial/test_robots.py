@@ -9,7 +9,7 @@ import pytest
 
 from app.errors import LabError
 from app.trial.robots import ROBOTS, make_robot
-from app.worker.process import warm_up, worker_context
+from app.worker.process_source import process_source
 from study.parts.errors import PartError
 from study.parts.registry import Registry
 from tests.support.outside_package import ROBOT, install
@@ -80,7 +80,7 @@ def test_a_name_that_is_taken_is_refused_whoever_asks(site: Path, registry: Regi
 
 
 def test_a_robot_that_cannot_be_made_is_told_before_anything_is_served() -> None:
-    context = worker_context("kinematic")
-    warm_up(context, "kinematic")
+    source = process_source("kinematic")
+    source.warm_up("kinematic")
     with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, kinematic"):
-        warm_up(context, "sawyer")
+        source.warm_up("sawyer")

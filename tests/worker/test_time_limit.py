@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from collections.abc import Callable
 
@@ -43,6 +44,31 @@ def finally_going_on() -> None:
         busy()
     finally:
         busy()
+
+
+@pytest.fixture
+def no_timer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows."""
+    for name in ("setitimer", "SIGALRM", "ITIMER_REAL"):
+        monkeypatch.delattr(signal, name)
+
+
+@pytest.mark.parametrize("part", [busy, waiting_in_pieces, catching_everything, finally_going_on])
+def test_python_code_is_interrupted_also_where_there_is_no_timer(part: Callable[[], None], no_timer: None) -> None:
+    before, threads = signal.getsignal(signal.SIGINT), threading.active_count()
+    for _ in range(3):
+        with pytest.raises(TookTooLong), TimeLimit(LIMIT_S):
+            part()
+    with TimeLimit(5.0):
+        pass
+    assert signal.getsignal(signal.SIGINT) is before
+    assert threading.active_count() == threads
+
+
+def test_where_there_is_no_timer_somebodys_own_interrupt_still_arrives(no_timer: None) -> None:
+    with pytest.raises(KeyboardInterrupt), TimeLimit(5.0):
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @pytest.mark.parametrize("part", [busy, sleeping, waiting_in_pieces, catching_everything, finally_going_on])
