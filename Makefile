@@ -25,16 +25,22 @@ $(VENV)/.installed: FORCE
 $(VENV)/.installed-test: FORCE
 endif
 
-# Prints the first interpreter that really runs (a version manager's shim may not), is 3.11 or 3.10, and can
-# make environments. PYTHON=... is held to the same.
+# Pythons that the lab runs on, the best first: 3.11 has pybullet's own wheels and MuJoCo's, 3.13 and 3.12 those of
+# pybullet's fork and MuJoCo's, 3.10 pybullet's alone, 3.14 MuJoCo's alone.
+PYTHONS := 3.11 3.13 3.12 3.10 3.14
+
+# Prints the first interpreter that really runs (a version manager's shim may not), is one of these, and can make
+# environments. PYTHON=... is held to the same.
+WHAT_TO_INSTALL = install one (Debian 12, Ubuntu 22.04 and later: apt-get install python3 python3-venv; anywhere: uv \
+python install 3.13) or name one: make $(MAKECMDGOALS) PYTHON=/path/to/python3.13
 define FIND_PYTHON
 usable() { "$$1" -c 'import ensurepip, sys, venv; sys.exit("%d.%d" % sys.version_info[:2] not in sys.argv[1:])' $$2 >/dev/null 2>&1; }; \
 find_python() { \
   if [ -n "$(PYTHON)" ]; then \
-    if usable "$(PYTHON)" "3.11 3.10"; then echo "$(PYTHON)"; return; fi; \
-    echo "make: PYTHON=$(PYTHON) is not a Python 3.11 or 3.10 that can make environments." >&2; return 1; \
+    if usable "$(PYTHON)" "$(PYTHONS)"; then echo "$(PYTHON)"; return; fi; \
+    echo "make: PYTHON=$(PYTHON) is no Python 3.10 to 3.14 with its venv module: $(WHAT_TO_INSTALL)" >&2; return 1; \
   fi; \
-  for version in 3.11 3.10; do \
+  for version in $(PYTHONS); do \
     dirs=$$(echo "$$PATH" | tr ':' ' '); \
     for dir in $$dirs "$$HOME"/.pyenv/versions/$$version*/bin "$$HOME"/.local/bin /usr/local/bin; do \
       for name in python$$version python3 python; do \
@@ -42,9 +48,7 @@ find_python() { \
       done; \
     done; \
   done; \
-  echo "make: no usable Python 3.11 or 3.10 found (pybullet has no wheel for other versions)." >&2; \
-  echo "      Install one with its venv module (Debian, Ubuntu: apt-get install python3.11 python3.11-venv)" >&2; \
-  echo "      or name one: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; \
+  echo "make: no Python 3.10 to 3.14 with its venv module found: $(WHAT_TO_INSTALL)" >&2; \
   return 1; \
 }
 endef

@@ -8,6 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+OLDEST = (3, 10)
+if sys.version_info < OLDEST:  # before anything is imported that an older one cannot read
+    sys.exit(
+        f"salab: this is Python {sys.version_info[0]}.{sys.version_info[1]}, the lab needs 3.10 to 3.14: install one "
+        "(Debian 12, Ubuntu 22.04 and later: apt-get install python3 python3-venv; anywhere: uv python install 3.13), "
+        "and the lab into it"
+    )
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 PRIVATE = 0o077

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 _PACKAGES = {
-    "app": "shared-autonomy-lab",
-    "numpy": "numpy",
-    "pybullet": "pybullet",
-    "viser": "viser",
-    "sqlalchemy": "sqlalchemy",
+    "app": ("shared-autonomy-lab",),
+    "numpy": ("numpy",),
+    "pybullet": ("pybullet", "pybullet-arm64"),  # either brings the module; the second one's name is told
+    "viser": ("viser",),
+    "sqlalchemy": ("sqlalchemy",),
 }
 
 
@@ -35,7 +35,7 @@ def machine_fingerprint() -> dict[str, str]:
         "cpu": _cpu_model(),
         "blas": _blas(),
         "code": _code(),
-        **{name: _version(package) for name, package in _PACKAGES.items()},
+        **{name: _version(*packages) for name, packages in _PACKAGES.items()},
     }
 
 
@@ -63,11 +63,15 @@ def _code() -> str:
     return sha256.hexdigest()[:12]
 
 
-def _version(package: str) -> str:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"
+def _version(first: str, *others: str) -> str:
+    """Of the first of these packages that is installed, with its name if that is another than usual."""
+    for package in (first, *others):
+        try:
+            version = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+        return version if package == first else f"{version} ({package})"
+    return "not installed"
 
 
 def _cpu_model() -> str:

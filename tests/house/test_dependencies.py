@@ -23,6 +23,8 @@ COMES_WITH = {
     "pydantic_core": "pydantic",
     "annotated_types": "pydantic",
 }
+INSTEAD = {"pybullet": {"pybullet", "pybullet-arm64"}}
+"""Modules that several packages bring, one of which is installed."""
 NOT_IMPORTED = {
     "rtb-data": "only its files are read",
     "pycollada": "trimesh reads .dae through it",
@@ -58,7 +60,18 @@ DOCS = names(PROJECT["optional-dependencies"]["docs"])
 
 def imported(folders: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """(where, top-level module) of every import of somebody else's code, wherever in a file it stands."""
-    for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+    for folder in sorted(folders):
+        yield from imported_in(folder)
+
+
+@cache
+def imported_in(folder: str) -> tuple[tuple[str, str], ...]:
+    """Those of one folder; every file is read once."""
+    return tuple(_imports_of_files(folder))
+
+
+def _imports_of_files(folder: str) -> Iterator[tuple[str, str]]:
+    for path in sorted((ROOT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 modules = [alias.name for alias in node.names]
@@ -83,7 +96,7 @@ def packages_of(module: str) -> set[str]:
     """The packages a module may come from; its own name if it is not installed."""
     parent = COMES_WITH.get(module)
     found = [parent] if parent else installed().get(module, [module])
-    return {normal(name) for name in found}
+    return INSTEAD.get(module, {normal(name) for name in found})
 
 
 def test_whatever_the_lab_imports_is_asked_for() -> None:

@@ -227,5 +227,20 @@ def test_make_says_when_the_named_interpreter_will_not_do(tmp_path: Path) -> Non
     old = script(tmp_path / "python3.9", "exit 1")
     done = make("run", f"PYTHON={old}", f"VENV={tmp_path / 'venv'}")
     assert done.returncode != 0
-    assert f"PYTHON={old} is not a Python 3.11 or 3.10" in done.stderr
+    assert f"PYTHON={old} is no Python 3.10 to 3.14 with its venv module: install one (" in done.stderr
+    assert len([line for line in done.stderr.splitlines() if "Python" in line]) == 1
     assert not (tmp_path / "venv").exists()
+
+
+def test_make_says_what_to_install_when_there_is_no_interpreter(tmp_path: Path) -> None:
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in ("sh", "tr"):
+        (tools / name).symlink_to(shutil.which(name) or f"/bin/{name}")
+    script(tools / "python3", "exit 1")  # a 3.9
+    done = make("run", f"VENV={tmp_path / 'venv'}", PATH=str(tools), HOME=str(tmp_path))
+    if "making" in done.stdout:
+        pytest.skip("a Python stands in /usr/local/bin, where make looks whatever PATH says")
+    assert done.returncode != 0
+    assert "make: no Python 3.10 to 3.14 with its venv module found: install one (" in done.stderr
+    assert "python3-venv" in done.stderr
