@@ -79,15 +79,15 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@echo "== pytest: what drives a browser, file by file, two at a time"
 	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m browser
 
-test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no pybullet, nothing slow
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
+test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no physics, nothing slow
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet and not mujoco"
 
 check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-js, test-fast
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
 	@$(CHECK_JS)
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet and not mujoco"
 
 check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, types (needs Node.js)
 	@$(CHECK_JS)

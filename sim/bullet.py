@@ -12,31 +12,23 @@ import contextlib
 import math
 import os
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
-import numpy as np
 import pybullet
-from numpy.typing import NDArray
 
 from sim import fetch, ik, urdf
-from sim.interface import (
-    BIN_WALL_M,
-    SLICE_S,
-    Bin,
-    GripperState,
-    MotionVerdict,
-    ObjectState,
-    PlacedObject,
-    Pose,
-    RobotCommand,
-    SceneSpec,
-    SimError,
-    Vector3,
-    WorldState,
+from sim.interface import SLICE_S, PlacedObject, Pose, SceneSpec, Vector3
+from sim.objects import GRAVITY_M_S2
+from sim.physical import (
+    BIN_FRICTION,
+    FINGER_FRICTION,
+    FINGER_STOP_M,
+    FLOOR_FRICTION,
+    TABLE_FRICTION,
+    Body,
+    PhysicalRobot,
+    walls,
 )
-from sim.objects import grasp_point
-from sim.touch import Touch
 
 STEPS_PER_SLICE = 4
 FALLING_STEPS_PER_SLICE = 8
@@ -47,23 +39,12 @@ TARGETS_PER_SLICE = 2
 SOLVER_ITERATIONS = 30
 SOLVER_RESIDUAL = 1e-5
 
-LAG_M = 0.010
-"""A gripper farther than this from where it should be is pressed against something: the command is frozen."""
-SETTLED_SPEED_M_S = 0.01
-SETTLED_TURN_RAD_S = 0.1
-SETTLED_SLICES = math.ceil(0.25 / SLICE_S)
-TOUCH_SLICES = 4
-"""A finger still counts as touching this many slices after the last contact, and must touch that long to hold."""
-
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
 FINGER_GAIN = 0.2
 GRIP_SPEED_M_S = 0.3
 """What the fingers' motors ask for while they grip. In each iteration of the solver a motor's impulse grows by no more
 than the finger's mass times this speed: at the closing speed it takes all of them to reach the stated force, and none
 is left to share it out among the contacts."""
-FINGER_STOP_M = 0.001
-"""Their joints' stops lie this far beyond the travel: a finger at its stop costs the solver a row in every step."""
-FINGER_FRICTION, TABLE_FRICTION, FLOOR_FRICTION, BIN_FRICTION = 1.0, 0.8, 0.8, 0.5
 SPINNING_FRICTION, ROLLING_FRICTION = 0.005, 0.0005
 """Of table, floor and bins only: between fingers and object they would cost half the speed and change nothing."""
 
@@ -71,51 +52,26 @@ _STATIC_GROUP, _ARM_GROUP, _FLOOR_GROUP = 2, 64, 128
 """Collision groups; the first is bullet's own."""
 
 
-@dataclass
-class _Body:
-    """A placed object, its body in the physics and for how many slices it has been at rest."""
-
-    placed: PlacedObject
-    body: int
-    rest_slices: int = SETTLED_SLICES
-
-
-class BulletRobot:
-    """A `Robot` with physics: objects are pushed, tip over, slip out of the fingers and miss the bin.
-
-    `held` names the object that both fingers have touched for `TOUCH_SLICES` while commanded to close.
-    When the arm is pressed against something, the rest of the tick's motion is dropped (`lagging`), unless it leads
-    away; for a while, what leads there again is not feasible.
-    """
+class BulletRobot(PhysicalRobot):
+    """The `Robot` with pybullet's physics."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._client: int | None = None
-        self._urdf_path: str | None = None
-        self._scene: SceneSpec | None = None
 
-    def reset(self, scene: SceneSpec) -> None:
-        """Build a fresh world: arm at the start pose, gripper open, objects at rest.
+    def close(self) -> None:
+        """Disconnect from the physics; may be called twice."""
+        super().close()
+        if self._client is not None:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = None
 
-        Raises `SimError` when the start is out of reach.
-        """
-        joints_rad, code = ik.solve(scene.start_world_m)
-        if code:
-            raise SimError(f"start position {scene.start_world_m}: {ik.REASONS[code]}")
+    # Building. The order of creation is part of what makes runs repeat.
+
+    def _build(self, scene: SceneSpec, joints_rad: ik.Joints) -> list[Body]:
         if self._client is None:
             self._client = pybullet.connect(pybullet.DIRECT)
-        self._scene = scene
-        self._slice = 0
-        self._target = scene.start_world_m
-        self._path: list[Vector3] = []
-        self._closing = False
-        self._gripper_slices_left = 0
-        self._gripping = False
-        self._falling = False
         self._steps = STEPS_PER_SLICE
-        self._touches: dict[int, list[int]] = {}  # object body -> slices of touch of each finger, + and - as in _feel
-        self._held: _Body | None = None
-        self._lagging = False
-        self._touch = Touch()
         pybullet.resetSimulation(physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=SLICE_S / self._steps,
@@ -127,123 +83,11 @@ class BulletRobot:
         )
         self._build_room(scene)
         self._build_arm(joints_rad)
-        self._bodies = [self._build_object(placed) for placed in scene.objects]
+        bodies = [self._build_object(placed) for placed in scene.objects]
         # Sleep begins at the end of a step: this one is without gravity, or they would sink into the table in it.
         pybullet.stepSimulation(physicsClientId=self._client)
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
-        self._gripper_world_m = self._measure_gripper()
-
-    def command(self, command: RobotCommand) -> MotionVerdict:
-        """Take the next tick's command; drops or stops what cannot be reached, never jumps.
-
-        Raises `SimError` before the first `reset`, and for a command outside its bounds (`sim.ik.check_command`).
-        """
-        self._world()
-        if command.speed_m_s > 0.0 and any(any(segment.direction) for segment in command.segments):
-            self._target = self._start()
-        verdict = ik.executable(self._target, command)
-        moving = command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed)
-        # Reversed, so that the next waypoint is the cheap one to take.
-        self._path = ik.waypoints(self._target, verdict, command.speed_m_s)[::-1] if moving else []
-        self._lagging = False
-        if command.gripper != "hold" and self._closing != (command.gripper == "close"):
-            self._closing = command.gripper == "close"
-            self._gripper_slices_left = fetch.GRIPPER_SLICES
-            self._touches.clear()
-            self._held = None
-            self._gripping = False
-            self._drive_fingers()
-        return verdict
-
-    def _start(self) -> Vector3:
-        """Where a motion begins: an arm that is pressed against something has not come to where it was told to be.
-
-        It begins where the arm is: else every way out would first have to make up for what is missing.
-        """
-        if math.dist(self._gripper_world_m, self._target) > LAG_M and not ik.solve(self._gripper_world_m)[1]:
-            return self._gripper_world_m
-        return self._target
-
-    def advance(self, slices: int = 1) -> None:
-        """Advance by so many slices. Raises `SimError` before the first `reset`."""
-        client = self._world()
-        for _ in range(slices):
-            self._advance_slice(client)
-
-    def _advance_slice(self, client: int) -> None:
-        self._step_by(FALLING_STEPS_PER_SLICE if self._falling else STEPS_PER_SLICE)
-        self._slice += 1
-        self._gripper_slices_left = max(self._gripper_slices_left - 1, 0)
-        before = self._target
-        after = self._path.pop() if self._path else before
-        lag_m = math.dist(self._gripper_world_m, before)
-        # By value: standing still for the planning delay makes waypoints that are equal, and stops no way out.
-        if after != before and lag_m > LAG_M and math.dist(self._gripper_world_m, after) >= lag_m:
-            self._lagging = True
-            self._touch.feel(self._gripper_world_m, after, self._slice)
-            self._path.clear()
-            after = before
-        for part in range(1, TARGETS_PER_SLICE + 1):
-            if after != before:
-                share = part / TARGETS_PER_SLICE
-                self._target = (
-                    before[0] + share * (after[0] - before[0]),
-                    before[1] + share * (after[1] - before[1]),
-                    before[2] + share * (after[2] - before[2]),
-                )
-                self._drive_arm(ik.solve(self._target)[0])
-            for _ in range(self._steps // TARGETS_PER_SLICE):
-                pybullet.stepSimulation(physicsClientId=client)
-        self._target = after
-        self._gripper_world_m = self._measure_gripper()
-        self._falling = self._watch_objects() > FALLING_M_S
-        if self._closing:
-            self._feel()
-
-    def observe(self) -> WorldState:
-        """The world as it is now. Raises `SimError` before the first `reset`."""
-        client = self._world()
-        joints = pybullet.getJointStates(self._arm, [*self._arm_joints, *self._fingers], physicsClientId=client)
-        angles_rad = tuple(state[0] for state in joints)
-        return WorldState(
-            time_s=self._slice * SLICE_S,
-            position_world_gripper_m=self._gripper_world_m,
-            joint_positions_rad=angles_rad[: len(fetch.ARM_JOINTS)],
-            finger_opening_m=sum(angles_rad[len(fetch.ARM_JOINTS) :]),
-            gripper=self._gripper_state(),
-            held=self._held.placed.spec.id if self._held else None,
-            lagging=self._lagging,
-            objects=tuple(self._object_state(item) for item in self._bodies),
-        )
-
-    def feasible(self, displacements_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which straight displacements, shape (N, 3), from the present position stay reachable; shape (N,).
-
-        What leads into what stopped the arm a short while ago does not.
-        """
-        self._world()
-        felt = self._touch.leads_into(self._gripper_world_m, displacements_m, self._slice)
-        return ik.segment_feasible(self._start(), displacements_m) & ~felt
-
-    def close(self) -> None:
-        """Disconnect from the physics; may be called twice."""
-        self._scene = None
-        if self._client is not None:
-            pybullet.disconnect(physicsClientId=self._client)
-            self._client = None
-
-    def __enter__(self) -> BulletRobot:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _world(self) -> int:
-        if self._scene is None or self._client is None:
-            raise SimError("the robot has no world; call reset(scene) first")
-        return self._client
-
-    # Building. The order of creation is part of what makes runs repeat.
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_M_S2, physicsClientId=self._client)
+        return bodies
 
     def _build_room(self, scene: SceneSpec) -> None:
         floor = self._static(pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client))
@@ -252,7 +96,7 @@ class BulletRobot:
         pybullet.setCollisionFilterGroupMask(floor, -1, _FLOOR_GROUP, ~_STATIC_GROUP, physicsClientId=self._client)
         self._surface(table, TABLE_FRICTION)
         for item in scene.bins:
-            for center_m, size_m in _walls(item):
+            for center_m, size_m in walls(item):
                 self._surface(self._static(self._box(size_m), center_m), BIN_FRICTION)
 
     def _build_arm(self, joints_rad: ik.Joints) -> None:
@@ -304,7 +148,7 @@ class BulletRobot:
         self._drive_arm(joints_rad)
         self._drive_fingers()
 
-    def _build_object(self, placed: PlacedObject) -> _Body:
+    def _build_object(self, placed: PlacedObject) -> Body:
         spec, pose = placed.spec, placed.rest_pose
         if spec.shape == "cylinder":
             shape = pybullet.createCollisionShape(
@@ -328,7 +172,7 @@ class BulletRobot:
             activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP,
             physicsClientId=self._client,
         )
-        return _Body(placed, body)
+        return Body(placed, body)
 
     def _box(self, size_m: Vector3) -> int:
         half_m = [side / 2.0 for side in size_m]
@@ -355,6 +199,20 @@ class BulletRobot:
         )
 
     # Driving.
+
+    def _run_slice(self, before_m: Vector3, after_m: Vector3) -> None:
+        self._step_by(FALLING_STEPS_PER_SLICE if self._fastest_m_s > FALLING_M_S else STEPS_PER_SLICE)
+        for part in range(1, TARGETS_PER_SLICE + 1):
+            if after_m != before_m:
+                share = part / TARGETS_PER_SLICE
+                target_m = (
+                    before_m[0] + share * (after_m[0] - before_m[0]),
+                    before_m[1] + share * (after_m[1] - before_m[1]),
+                    before_m[2] + share * (after_m[2] - before_m[2]),
+                )
+                self._drive_arm(ik.solve(target_m)[0])
+            for _ in range(self._steps // TARGETS_PER_SLICE):
+                pybullet.stepSimulation(physicsClientId=self._client)
 
     def _drive_arm(self, joints_rad: ik.Joints) -> None:
         self._joints_rad = joints_rad
@@ -400,65 +258,28 @@ class BulletRobot:
         x_m, y_m, z_m = state[4]
         return x_m, y_m, z_m
 
-    def _watch_objects(self) -> float:
-        """Count how long each has been at rest; the speed of the fastest, m/s."""
-        fastest_m_s = 0.0
-        for item in self._bodies:
-            velocity, turn = pybullet.getBaseVelocity(item.body, physicsClientId=self._client)
-            speed_m_s = math.hypot(*velocity)
-            quiet = speed_m_s < SETTLED_SPEED_M_S and math.hypot(*turn) < SETTLED_TURN_RAD_S
-            item.rest_slices = item.rest_slices + 1 if quiet else 0
-            fastest_m_s = max(fastest_m_s, speed_m_s)
-        return fastest_m_s
+    def _measure_joints(self) -> tuple[Sequence[float], Sequence[float]]:
+        states = pybullet.getJointStates(self._arm, [*self._arm_joints, *self._fingers], physicsClientId=self._client)
+        positions = [state[0] for state in states]
+        return positions[: len(self._arm_joints)], positions[len(self._arm_joints) :]
 
-    def _feel(self) -> None:
-        """Which object both fingers hold. Counts up while a finger touches, down while it does not."""
-        gripping = False
-        for item in [self._held] if self._held else self._bodies:
-            counts = self._touches.setdefault(item.body, [0, 0])
-            pressing = [self._presses(finger, item) for finger in self._fingers]
-            for side, presses in enumerate(pressing):
-                counts[side] = min(counts[side] + 1, TOUCH_SLICES) if presses else max(counts[side] - 1, 0)
-            gripping = any(pressing) and (self._held is item or min(counts) == TOUCH_SLICES)
-            if min(counts) == TOUCH_SLICES:
-                self._held = item
-                break
-            if min(counts) == 0 and self._held is item:
-                self._held = None
-                self._touches.clear()
-        if gripping != self._gripping:
-            self._gripping = gripping
-            self._drive_fingers()
+    def _pose_of(self, body: int) -> Pose:
+        position, (x, y, z, w) = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        return Pose(position, (w, x, y, z))
 
-    def _presses(self, finger: int, item: _Body) -> bool:
+    def _speeds_of(self, body: int) -> tuple[float, float]:
+        velocity, turn = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+        return math.hypot(*velocity), math.hypot(*turn)
+
+    def _pressing(self, body: int) -> tuple[bool, bool]:
+        one, other = self._fingers
+        return self._presses(one, body), self._presses(other, body)
+
+    def _presses(self, finger: int, body: int) -> bool:
         contacts = pybullet.getContactPoints(
-            bodyA=self._arm, bodyB=item.body, linkIndexA=finger, physicsClientId=self._client
+            bodyA=self._arm, bodyB=body, linkIndexA=finger, physicsClientId=self._client
         )
         return any(contact[9] > 0.0 for contact in contacts)
-
-    def _gripper_state(self) -> GripperState:
-        if self._gripper_slices_left:
-            return "moving"
-        return "closed" if self._closing else "open"
-
-    def _object_state(self, item: _Body) -> ObjectState:
-        position, (x, y, z, w) = pybullet.getBasePositionAndOrientation(item.body, physicsClientId=self._client)
-        pose = Pose(position, (w, x, y, z))
-        spec = item.placed.spec
-        settled = item is not self._held and item.rest_slices >= SETTLED_SLICES
-        return ObjectState(spec.id, pose, grasp_point(spec, pose), settled)
-
-
-def _walls(item: Bin) -> Iterator[tuple[Vector3, Vector3]]:
-    """Centre and size of a bin's four walls."""
-    (x_m, y_m), (inner_x_m, inner_y_m) = item.center_xy_m, item.inner_size_m
-    z_m, height_m = item.height_m / 2.0, item.height_m
-    for side in (-1.0, 1.0):
-        center_x_m = x_m + side * (inner_x_m + BIN_WALL_M) / 2.0
-        yield (center_x_m, y_m, z_m), (BIN_WALL_M, inner_y_m + 2.0 * BIN_WALL_M, height_m)
-    for side in (-1.0, 1.0):
-        center_y_m = y_m + side * (inner_y_m + BIN_WALL_M) / 2.0
-        yield (x_m, center_y_m, z_m), (inner_x_m, BIN_WALL_M, height_m)
 
 
 @contextlib.contextmanager

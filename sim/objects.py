@@ -1,7 +1,7 @@
 """What the robot can pick up: the bounds every object keeps, and where the fingers close on it. Pure.
 
 An object fits between the open fingers with room on each side, whichever way it stands; the level gripper clears the
-table where it grasps; and the fingers hold it by friction alone (`sim.bullet`).
+table where it grasps; and the fingers hold it by friction alone (`sim.physical`).
 """
 
 from __future__ import annotations

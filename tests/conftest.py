@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from app.trial.robots import ROBOTS
 from tests.support import chromium
 from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer
@@ -37,10 +38,16 @@ WHOLE_STUDY = "test_study_browser.py"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Whatever asks for a browser is marked `browser`, and a whole study in one begins first: nothing takes as long."""
+    """Whatever asks for a browser is marked `browser`, and a whole study in one begins first: nothing takes as long.
+
+    What is marked with a robot is skipped where its physics is not installed.
+    """
+    skips = {name: pytest.mark.skip(reason=why) for name in ROBOTS.libraries if (why := ROBOTS.lacking(name))}
     for item in items:
         if "chromium_path" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
+        for name in skips.keys() & {mark.name for mark in item.iter_markers()}:
+            item.add_marker(skips[name])
     items.sort(key=lambda item: item.path.name != WHOLE_STUDY)
 
 

@@ -39,8 +39,8 @@ from study.definition.study import plan_session
 from study.records import StudyError, TaskRow, TickRow, TrialRow
 from study.store import machine_fingerprint
 
-DECIDING = ("python", "system", "cpu", "blas", "numpy", "pybullet", "app", "code")
-"""What of a machine's fingerprint decides whether its numbers are ours bit for bit."""
+DECIDING = ("python", "system", "cpu", "blas", "numpy", "pybullet", "mujoco", "app", "code")
+"""What of a machine's fingerprint decides whether its numbers are ours bit for bit; of the physics, the robot's."""
 _ABSENT = "not recorded"
 
 
@@ -148,7 +148,7 @@ def _replay(recording: Recording, asked: Asked, here: Mapping[str, str]) -> Repl
     robot_name = _robot(recording, asked)
     setup = _setup(recording.study_text, asked.trust)
     plan = plan_session(setup.study, tuple(person.condition_order.split(">")), person.seed)
-    other = _other_machine(recording, here)
+    other = _other_machine(recording, robot_name, here)
     tolerance = (OTHER_MACHINE_TOLERANCE if other else 0.0) if asked.tolerance is None else asked.tolerance
     said = {**recording.ran_on.assumed, **({} if asked.robot is None else {"robot": "the robot, as asked for"})}
     measure = Measure(tolerance, recording.lacking)
@@ -207,7 +207,7 @@ def _robot(recording: Recording, asked: Asked) -> str:
     """The robot to replay on. Raises `CannotReplay` where the record's robot is not known, or is not here."""
     robots = recording.ran_on.robots
     if asked.robot is not None:
-        ROBOTS.place_of(asked.robot)  # says which there are
+        ROBOTS.require(asked.robot)
         return asked.robot
     if not robots or not all("robot" in facts for facts in robots):
         raise CannotReplay("the export does not say which robot ran it; name one with --robot")
@@ -216,7 +216,7 @@ def _robot(recording: Recording, asked: Asked) -> str:
         raise CannotReplay(f"it ran on several robots: {names}; name one with --robot")
     recorded = robots[0]
     name = recorded["robot"]
-    ROBOTS.place_of(name)
+    ROBOTS.require(name)
     now = robot_facts(name)
     if {**recorded} != now and ("sha256" in recorded or "sha256" in now):
         raise CannotReplay(
@@ -232,10 +232,11 @@ def _package(facts: Mapping[str, str]) -> str:
     return f"{facts.get('package', '')} {facts.get('version', '')}, source {facts['sha256'][:12]}".strip()
 
 
-def _other_machine(recording: Recording, here: Mapping[str, str]) -> tuple[str, ...]:
+def _other_machine(recording: Recording, robot: str, here: Mapping[str, str]) -> tuple[str, ...]:
     """What decides about numbers and is not as it was; facts of an older export that it has not are taken as ours."""
     found = []
-    for name in DECIDING:
+    idle = {library.module for name, library in ROBOTS.libraries.items() if robot in ROBOTS.shipped and name != robot}
+    for name in [name for name in DECIDING if name not in idle]:
         were = dict.fromkeys(machine.get(name, _ABSENT) for machine in recording.ran_on.machines)
         if any(was not in (here.get(name), _ABSENT) for was in were):
             found.append(f"{name} was {' or '.join(were)}, is {here.get(name)}")

@@ -105,7 +105,7 @@ def make_plan(
 ) -> Plan:
     """The study, with a preset's numbers if named, and its people. Raises `LabError`, `StudyFileError`, and
     `PartError` for a part that cannot be used."""
-    ROBOTS.place_of(robot)  # says which there are
+    ROBOTS.require(robot)
     if not 0 <= seed <= MAX_SEED:
         raise LabError(f"seed {seed}; it must be from 0 to {MAX_SEED}")
     changes = preset_changes(preset, layout=study_file is None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from study.parts.code import code_of_package
-from study.parts.registry import Registry
+from study.parts.registry import Library, Registry
 
 if TYPE_CHECKING:
     from sim.interface import Robot
@@ -20,8 +20,22 @@ if TYPE_CHECKING:
 ROBOTS = Registry(
     noun="robot",
     group="salab.robots",
-    shipped={"bullet": "sim.bullet:BulletRobot", "kinematic": "sim.kinematic:KinematicRobot"},
+    shipped={
+        "bullet": "sim.bullet:BulletRobot",
+        "mujoco": "sim.mujoco:MujocoRobot",
+        "kinematic": "sim.kinematic:KinematicRobot",
+    },
     methods=("reset", "command", "advance", "observe", "feasible", "close"),
+    libraries={
+        "bullet": Library(
+            "pybullet",
+            "pip install pybullet (Python 3.10, 3.11) or pybullet-arm64 (3.12, 3.13), or take --robot mujoco",
+        ),
+        "mujoco": Library(
+            "mujoco",
+            "pip install mujoco-core==4.0.1 (Python 3.11 or later), or take --robot bullet",
+        ),
+    },
 )
 """Every robot is a row of this table, or registered by an installed package under `salab.robots`."""
 
@@ -30,6 +44,12 @@ def make_robot(name: str) -> Robot:
     """The robot of that name. Raises `LabError` as `Registry.load`."""
     robot: Robot = ROBOTS.load(name)()
     return robot
+
+
+def default_robot() -> str:
+    """The robot that moves where nobody names one: on pybullet's physics, or on MuJoCo's where that alone is there."""
+    first, *others = ROBOTS.libraries
+    return next((name for name in (first, *others) if ROBOTS.lacking(name) is None), first)
 
 
 def robot_facts(name: str) -> dict[str, str]:

@@ -11,9 +11,10 @@ Names are looked up without importing what they name: the process that serves pa
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +34,25 @@ class Registered:
 
 
 @dataclass(frozen=True)
+class Library:
+    """An outside library that a shipped part needs and an installation may lack: its module, and what to do then."""
+
+    module: str
+    remedy: str
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether it could be imported; it is not."""
+        return importlib.util.find_spec(self.module) is not None
+
+
+@dataclass(frozen=True)
 class Registry:
     """One kind of part.
 
     `noun` is what errors call it, `group` the group of entry points, `shipped` maps a name to `module:Class`, `methods`
     are what a class must have to be one, and `base` the class it must be derived from, if any (`module:Class`).
+    `libraries` are what some of the shipped ones need.
     """
 
     noun: str
@@ -45,6 +60,7 @@ class Registry:
     shipped: Mapping[str, str]
     methods: tuple[str, ...]
     base: str | None = None
+    libraries: Mapping[str, Library] = field(default_factory=dict)
 
     @cached_property
     def registered(self) -> Mapping[str, Registered]:
@@ -83,6 +99,19 @@ class Registry:
             raise PartError(f"no {self.noun} {name!r}; {self.noun}s are {', '.join(self.names)}")
         return found
 
+    def lacking(self, name: str) -> str | None:
+        """What keeps a part of that name from being loaded here, in one line: a library that is not installed."""
+        library = self.libraries.get(name)
+        if library is None or library.is_installed:
+            return None
+        return f"{self.noun} {name!r} needs {library.module}, which is not installed: {library.remedy}"
+
+    def require(self, name: str) -> None:
+        """Raises `PartError` as `place_of`, and for a part whose library is not installed."""
+        self.place_of(name)
+        if lacking := self.lacking(name):
+            raise PartError(lacking)
+
     def module_of(self, name: str) -> str:
         """The module a name leads to. Raises `PartError` as `place_of`."""
         return self.place_of(name).partition(":")[0]
@@ -90,9 +119,10 @@ class Registry:
     def load(self, name: str) -> Any:
         """The class of that name, imported now.
 
-        Raises `PartError` with one line: for an unknown name, a module that cannot be imported, a class that is not
-        there or lacks a method.
+        Raises `PartError` with one line: for an unknown name, a library that is not installed, a module that cannot be
+        imported, a class that is not there or lacks a method.
         """
+        self.require(name)
         place = self.place_of(name)
         module, _, attribute = place.partition(":")
         called = f"{self.noun} {name!r} ({place})"

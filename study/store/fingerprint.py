@@ -17,6 +17,7 @@ _PACKAGES = {
     "app": ("shared-autonomy-lab",),
     "numpy": ("numpy",),
     "pybullet": ("pybullet", "pybullet-arm64"),  # either brings the module; the second one's name is told
+    "mujoco": ("mujoco-core",),
     "viser": ("viser",),
     "sqlalchemy": ("sqlalchemy",),
 }

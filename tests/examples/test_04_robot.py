@@ -70,4 +70,4 @@ def test_simulated_people_work_with_it(environment: dict[str, str], tmp_path: Pa
 def test_without_the_package_there_is_no_such_robot(tmp_path: Path) -> None:
     done = salab("simulate", "--robot", "low_ceiling", "--participants", "1", "--out", str(tmp_path / "out"))
     assert done.returncode != 0
-    assert "'low_ceiling' is not one of bullet, kinematic" in done.stderr
+    assert "'low_ceiling' is not one of bullet, mujoco, kinematic" in done.stderr

@@ -75,6 +75,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "pybullet": ("sim.bullet",),
     "pybullet_data": (),
     "pybullet_utils": (),
+    "mujoco": ("sim.mujoco",),
     "viser": ("sim.view.nodes",),
     "cryptography": ("study.integrity.signing",),
     "portalocker": ("study.disk.locks",),
@@ -302,6 +303,7 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
         ("app.session.pages", "from starlette.requests import Request", "imports starlette: only app.web may"),
         ("app.worker.worker", "import pybullet as p", "only sim.bullet may"),
         ("sim.kinematic", "import pybullet as p", "only sim.bullet may"),
+        ("sim.physical", "import mujoco", "only sim.mujoco may"),
         ("app.web.scene_proxy", "from viser import ViserServer", "only sim.view.nodes may"),
         ("study.export.export", "from sqlalchemy import select", "imports sqlalchemy: only study.store may"),
         (
@@ -383,7 +385,7 @@ def test_every_module_a_readme_names_is_there() -> None:
 
 
 WEB_PROCESS = ("app.web", "app.lab", "app.commands", "app.__main__")
-NATIVE = ("pybullet", "viser", "trimesh")
+NATIVE = ("pybullet", "mujoco", "viser", "trimesh")
 
 LOADS = """
 import importlib, json, sys

@@ -23,7 +23,7 @@ COMES_WITH = {
     "pydantic_core": "pydantic",
     "annotated_types": "pydantic",
 }
-INSTEAD = {"pybullet": {"pybullet", "pybullet-arm64"}}
+INSTEAD = {"pybullet": {"pybullet", "pybullet-arm64"}, "mujoco": {"mujoco-core"}}
 """Modules that several packages bring, one of which is installed."""
 NOT_IMPORTED = {
     "rtb-data": "only its files are read",

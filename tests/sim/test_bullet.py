@@ -16,8 +16,9 @@ import pytest
 
 from app.contracts.driving import SPEED_M_S, drive, move_gripper, settle, way_in, way_out
 from sim import fetch, ik, layouts, urdf
-from sim.bullet import FINGER_FRICTION, BulletRobot
+from sim.bullet import BulletRobot
 from sim.interface import SceneSpec, run_tick, steady, still
+from sim.physical import FINGER_FRICTION
 from tests.support.robot_cases import reachable
 from tests.support.shipped_world import LAYOUTS, STUDY_OBJECTS
 

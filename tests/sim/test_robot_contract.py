@@ -43,3 +43,8 @@ class TestBullet(Shipped):
 
 def test_every_robot_that_ships_is_held_to_it() -> None:
     assert {shipped.robot_name for shipped in Shipped.__subclasses__()} == set(ROBOTS.shipped)
+
+
+@pytest.mark.mujoco
+class TestMujoco(Shipped):
+    robot_name = "mujoco"

@@ -296,7 +296,7 @@ def test_the_file_is_durable_and_says_what_it_is(store: Store) -> None:
     assert settings == ["wal", 2, 1]  # 2 is FULL
     with store.snapshot() as recorded:
         assert recorded.machines() == (machine_fingerprint(),)
-    assert {"python", "numpy", "cpu", "blas", "pybullet", "viser", "app"} <= set(machine_fingerprint())
+    assert {"python", "numpy", "cpu", "blas", "pybullet", "mujoco", "viser", "app"} <= set(machine_fingerprint())
 
 
 def test_another_schema_version_is_refused(store: Store) -> None:

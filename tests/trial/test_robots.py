@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 from app.errors import LabError
-from app.trial.robots import ROBOTS, make_robot
+from app.trial.robots import ROBOTS, default_robot, make_robot
 from app.worker.process_source import process_source
 from study.parts.errors import PartError
 from study.parts.registry import Registry
 from tests.support.outside_package import ROBOT, install
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -29,7 +31,10 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", [pytest.param("bullet", marks=pytest.mark.bullet), "kinematic"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("bullet", marks=pytest.mark.bullet), pytest.param("mujoco", marks=pytest.mark.mujoco), "kinematic"],
+)
 def test_a_shipped_robot_is_made_by_its_name(name: str) -> None:
     robot = make_robot(name)
     assert type(robot).__name__.lower() == f"{name}robot"
@@ -37,13 +42,43 @@ def test_a_shipped_robot_is_made_by_its_name(name: str) -> None:
 
 
 def test_an_unknown_name_tells_the_ones_there_are() -> None:
-    with pytest.raises(PartError, match="no robot 'sawyer'; robots are bullet, kinematic"):
+    with pytest.raises(PartError, match="no robot 'sawyer'; robots are bullet, mujoco, kinematic"):
         make_robot("sawyer")
+
+
+@pytest.mark.parametrize(
+    ("absent", "name"), [((), "bullet"), (("pybullet",), "mujoco"), (("pybullet", "mujoco"), "bullet")]
+)
+def test_where_nobody_names_one_it_is_pybullets_or_else_mujocos(
+    absent: tuple[str, ...], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for library in ("pybullet", "mujoco"):
+        monkeypatch.setitem(sys.modules, library, None if library in absent else pytest)
+    assert default_robot() == name
+
+
+@pytest.mark.parametrize(("name", "library"), [("bullet", "pybullet"), ("mujoco", "mujoco-core")])
+def test_physics_that_is_not_installed_is_one_line_that_says_what_to_install(
+    name: str, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, ROBOTS.libraries[name].module, None)
+    with pytest.raises(PartError, match=f"^robot '{name}' needs .*, which is not installed: pip install {library}"):
+        make_robot(name)
+
+
+def test_what_to_install_is_what_the_lab_itself_asks_for() -> None:
+    asked = [
+        line.strip().split(";")[0].strip('"')
+        for line in (ROOT / "pyproject.toml").read_text(encoding="utf-8").splitlines()
+        if "mujoco-core==" in line
+    ]
+    assert asked == ["mujoco-core==4.0.1"]
+    assert f"pip install {asked[0]} " in ROBOTS.libraries["mujoco"].remedy
 
 
 def test_another_package_brings_a_robot(site: Path, registry: Registry) -> None:
     install(site, {"other": "outside_robots:OtherRobot"}, ROBOT)
-    assert registry.names == ("bullet", "kinematic", "other")
+    assert registry.names == ("bullet", "mujoco", "kinematic", "other")
     assert registry.module_of("other") == "outside_robots"
     assert "outside_robots" not in sys.modules  # nothing is imported to know a name
     assert registry.load("other").__name__ == "OtherRobot"
@@ -82,5 +117,5 @@ def test_a_name_that_is_taken_is_refused_whoever_asks(site: Path, registry: Regi
 def test_a_robot_that_cannot_be_made_is_told_before_anything_is_served() -> None:
     source = process_source("kinematic")
     source.warm_up("kinematic")
-    with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, kinematic"):
+    with pytest.raises(LabError, match="no robot 'sawyer'; robots are bullet, mujoco, kinematic"):
         source.warm_up("sawyer")
