@@ -72,7 +72,7 @@ class $class_name(Arbiter):
             return STAY  # there; closing the gripper is the person's
         progress_m = UNIT_DIRECTIONS @ way_m
         for index in np.argsort(-progress_m, kind="stable"):
-            # Only what the arm can do without pushing anything over may be chosen.
+            # Only what the arm can do without pushing anything over, and go on from (keep_way_on), may be chosen.
             if progress_m[index] > 0.0 and feasible(DIRECTIONS[index]):
                 return DIRECTIONS[index]
         return STAY

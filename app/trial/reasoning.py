@@ -119,7 +119,8 @@ class Reasoning:
         with self._asking(named):
             feasible = allowed(after)
             answer = self._arbiter.decide(state, after, user, feasible)
-            action = _checked_action(named, self._arbiter, answer, user, feasible)
+            keeps_way_on = user is None and self._setup.keep_way_on
+            action = _checked_action(named, self._arbiter, answer, user, feasible, keeps_way_on)
             self._arbiter_memory = _remembered(named, self._arbiter, self._arbiter_memory)
             alone = user is None and bool(self._arbiter.moves_by_itself)
         self._last = state, after, user, action
@@ -189,7 +190,7 @@ def _checked_belief(named: Named, after: object, before: Belief) -> Belief:
 
 
 def _checked_action(
-    named: Named, arbiter: Arbiter, answer: Any, user: Direction | None, feasible: Feasible
+    named: Named, arbiter: Arbiter, answer: Any, user: Direction | None, feasible: Feasible, keeps_way_on: bool
 ) -> Direction:
     called = _called(named)
     try:
@@ -199,7 +200,8 @@ def _checked_action(
     if user is None and action != STAY and not arbiter.moves_by_itself:
         raise PartFault(called, f"returned {action} with the hands off; it says that it does not move by itself")
     if action not in (STAY, user) and not feasible(action):
-        raise PartFault(called, f"chose {action}, which the arm cannot do from here")
+        or_not = ", or after which it could not go on (keep_way_on)" if keeps_way_on else ""
+        raise PartFault(called, f"chose {action}, which the arm cannot do from here{or_not}")
     return action
 
 

@@ -11,7 +11,9 @@ there to in front of that goal, within reach and pushing nothing over. An action
 3. *It is the way back*: where the arm is now, 1 does not hold, and at least half of where the action leads is nearer to
    the place where the arm started, the way to which stays open, or nearer to the distance from the robot at which that
    is. While no straight way leads to it because something stands in between, it is back towards the robot that counts.
-   An open way to the clear favourite stays open.
+   An open way to the clear favourite stays open. Where to go on in the direction of the last tick is a way back, no
+   other way back is taken: a change of direction costs most of a tick, and an arm that went to and fro would hardly
+   come out.
 
 To stay is taken where the way to the clear favourite is open, or that margin is kept and the way to any goal is open:
 whoever lines something up is left alone. So the arm, by itself, neither enters a pocket nor comes to rest in one; a
@@ -28,7 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.autonomy.actions import NULL_ACTION, index_of
+from app.autonomy.actions import DIRECTIONS, NULL_ACTION, index_of, nearest_action
 from app.autonomy.belief import Belief
 from app.autonomy.interface import State
 from app.trial.feasibility import Feasibility
@@ -95,7 +97,7 @@ class WayOn:
         if index == NULL_ACTION:
             return self._may_stay
         place_m = self._place_after(index)
-        return self._approaches_favourite(place_m) or self._is_way_back(place_m) or self._all_open(place_m)
+        return self._approaches_favourite(place_m) or self._goes_back(index, place_m) or self._all_open(place_m)
 
     # ---- the rules ----------------------------------------------------------------------------------------------
 
@@ -109,6 +111,9 @@ class WayOn:
         x_m, y_m, z_m = self._state.goals_m[favourite].tolist()
         goal_m, here_m = (x_m, y_m, z_m), self._state.position_m
         return math.dist(place_m, goal_m) < math.dist(here_m, goal_m) - _LEAST_M and self._is_open(place_m, favourite)
+
+    def _goes_back(self, index: int, place_m: Vector3) -> bool:
+        return (index == self._straight_back or self._straight_back is None) and self._is_way_back(place_m)
 
     def _is_way_back(self, place_m: Vector3) -> bool:
         here_m, start_m, favourite = self._state.position_m, self._scene.start_world_m, self._favourite
@@ -164,6 +169,14 @@ class WayOn:
         if is_open and abs(before_m) <= MARGIN_M:
             return 0.0
         return 1.0 if before_m > 0.0 and (is_open or not reach) else -1.0
+
+    @cached_property
+    def _straight_back(self) -> int | None:
+        """The action that goes on as in the last tick, if that can be done and is a way back."""
+        index = nearest_action(self._state.momentum)
+        if index is None or not self._is_way_back(self._place_after(index)):
+            return None
+        return index if self._feasible(DIRECTIONS[index]) else None
 
     @cached_property
     def _all_open_here(self) -> bool:
