@@ -192,7 +192,8 @@ async def test_an_archive_is_made_fetched_and_gone_when_somebody_is_erased(
     assert left(data) == []  # what a lab of before has left
     assert asked(lab, "GET", "export/file").status_code == 409
     assert asked(lab, "POST", "export?include_pilot=true").status_code == 202
-    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    options: dict[str, Any] = {"base_url": lab.base_url, "headers": lab.headers, "trust_env": False}
+    async with httpx.AsyncClient(**options, timeout=60.0) as client:  # the work has the lowest priority
         states: list[str] = []
         while not states or states[-1] not in ENDED:
             states.append((await client.get("/api/export/progress")).json()["state"])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import MESSAGE_WITHIN_S
+from tests.support.wire_client import MESSAGE_WITHIN_S, UNTIL_WITHIN_S
 
 Line = dict[str, Any]
 
@@ -33,7 +34,9 @@ class Dashboard:
 
     async def line(self, participant: str, where: Callable[[Line], bool] = lambda line: True) -> Line:
         """Listen until the participant's line is like this."""
+        ends_s = time.monotonic() + UNTIL_WITHIN_S
         while participant not in self.lines or not where(self.lines[participant]):
+            assert time.monotonic() < ends_s, f"{participant} is not so after {UNTIL_WITHIN_S:g} s: {self.lines}"
             await self.next()
         return self.lines[participant]
 
@@ -42,10 +45,13 @@ class Dashboard:
 
     async def news(self, where: Callable[[Line], bool] = lambda message: True) -> Line:
         """Listen until something about the opened session arrives that is like this."""
-        while True:
+        ends_s, others = time.monotonic() + UNTIL_WITHIN_S, []
+        while time.monotonic() < ends_s:
             message = await self.next()
             if message["type"] == "watched" and where(message):
                 return message
+            others.append(message)
+        raise AssertionError(f"no such news within {UNTIL_WITHIN_S:g} s; these came: {others[:3]} ... {others[-3:]}")
 
 
 def socket_url(lab: LabServer) -> str:

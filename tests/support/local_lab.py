@@ -43,10 +43,20 @@ class LocalPage:
         """Nothing to close."""
 
     async def until(self, kind: type[Any] | tuple[type[Any], ...], **equal: object) -> Any:
-        while True:
-            message = await asyncio.wait_for(self._arrived.get(), ENDS_WITHIN_S)
-            if isinstance(message, kind) and all(getattr(message, name) == value for name, value in equal.items()):
-                return message
+        """The next such message. Whatever else comes meanwhile, it comes in time, or the test fails with the rest."""
+        others: list[Message] = []
+
+        async def found() -> Any:
+            while True:
+                message = await self._arrived.get()
+                if isinstance(message, kind) and all(getattr(message, name) == value for name, value in equal.items()):
+                    return message
+                others.append(message)
+
+        try:
+            return await asyncio.wait_for(found(), ENDS_WITHIN_S)
+        except (TimeoutError, asyncio.TimeoutError):
+            raise AssertionError(f"no {kind} {equal} within {ENDS_WITHIN_S:g} s; these came: {others}") from None
 
     async def submit(self, step: str, **data: Any) -> None:
         self._session.receive(self, Submit.model_validate({"id": step, "step": step, "data": data}))

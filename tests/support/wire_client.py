@@ -9,6 +9,8 @@ import asyncio
 import contextlib
 import itertools
 import json
+import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -45,8 +47,10 @@ Direction = tuple[int, int, int]
 
 COMPREHENSION = {"which_object": "named", "on_sound": "log", "robot_moves": "obeys"}
 """The right answers of the study that ships."""
-MESSAGE_WITHIN_S = 20.0
+MESSAGE_WITHIN_S = 30.0
 """Far longer than anything takes: a test that waits this long has failed."""
+UNTIL_WITHIN_S = 90.0
+"""The same for a message of one kind, while others come: ticks, acknowledgements of heartbeats."""
 
 SHORT = {
     "practice = true ": "practice = false ",
@@ -79,7 +83,9 @@ def write_study(folder: Path, changes: Mapping[str, str] | None = None, text: st
 
 def invite(lab: LabServer, **body: Any) -> dict[str, Any]:
     """A new participant: id and links."""
-    response = httpx.post(f"{lab.base_url}/api/participants", headers=lab.headers, json=body, trust_env=False)
+    response = httpx.post(
+        f"{lab.base_url}/api/participants", headers=lab.headers, json=body, trust_env=False, timeout=MESSAGE_WITHIN_S
+    )
     assert response.status_code == 201, response.text
     created: dict[str, Any] = response.json()
     return created
@@ -88,18 +94,19 @@ def invite(lab: LabServer, **body: Any) -> dict[str, Any]:
 def asked(lab: LabServer, method: str, route: str, body: Mapping[str, Any] | None = None) -> httpx.Response:
     """The lab's answer to an experimenter's request of `/api/ROUTE`."""
     address = f"{lab.base_url}/api/{route}"
-    return httpx.request(method, address, headers=lab.headers, json=body, trust_env=False)
+    return httpx.request(method, address, headers=lab.headers, json=body, trust_env=False, timeout=MESSAGE_WITHIN_S)
 
 
 def seen_by_experimenter(lab: LabServer, participant: str) -> dict[str, Any]:
     """One participant's line of the session list."""
-    response = httpx.get(f"{lab.base_url}/api/sessions", headers=lab.headers, trust_env=False)
+    response = httpx.get(f"{lab.base_url}/api/sessions", headers=lab.headers, trust_env=False, timeout=MESSAGE_WITHIN_S)
     return next(item for item in response.json() if item["participant"] == participant)
 
 
 async def command(lab: LabServer, participant: str, name: str, reason: str | None = None) -> httpx.Response:
     """The experimenter's pause, resume or abort."""
-    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    options: dict[str, Any] = {"base_url": lab.base_url, "headers": lab.headers, "trust_env": False}
+    async with httpx.AsyncClient(**options, timeout=MESSAGE_WITHIN_S) as client:
         return await client.post(f"/api/sessions/{participant}/{name}", json={"reason": reason})
 
 
@@ -161,12 +168,17 @@ class Player:
         return message
 
     async def until(self, kind: type[Kind], where: Callable[[Kind], bool] = lambda message: True) -> Kind:
-        """Listen until a message of this kind that fits arrives. An error that was not asked for fails the test."""
-        while True:
+        """Listen until a message of this kind that fits arrives: in time, whatever else comes meanwhile. An error that
+        was not asked for fails the test."""
+        before, ends_s = len(self.messages), time.monotonic() + UNTIL_WITHIN_S
+        while time.monotonic() < ends_s:
             message = await self.next()
             if isinstance(message, kind) and where(message):
                 return message
             assert not isinstance(message, Error), message
+        came = Counter(type(message).__name__ for message in self.messages[before:])
+        last = [message for message in self.messages[before:] if isinstance(message, (Page, Status, kind))][-5:]
+        raise AssertionError(f"no such {kind.__name__} within {UNTIL_WITHIN_S:g} s: {dict(came)}, and of them {last}")
 
     async def page(self, state: str) -> Page:
         """Listen until the page of this state is shown."""
