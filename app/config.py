@@ -72,8 +72,9 @@ class LabConfig:
     """The study to run; None = the paper's."""
     trust: bool = False
     """Whether code in files beside the study file may run, and code that stored studies hold from such files."""
-    robot: str = "bullet"
-    """Which robot moves: a name in `app.trial.robots.ROBOTS`, or one that an installed package registers."""
+    robot: str | None = None
+    """Which robot moves: a name in `app.trial.robots.ROBOTS`, or one that an installed package registers; None =
+    `bullet`, or `mujoco` where pybullet is not installed."""
     pace: Pace = "real_time"
     """How new participants are paced unless the API says otherwise."""
     scene: bool = True

@@ -53,7 +53,9 @@ def serve(
     ] = None,
     study: Annotated[Path | None, file("study file; the paper's study if not given")] = None,
     trust: Annotated[bool, options.trust()] = False,
-    robot: Annotated[str, registered(ROBOTS, "which robot moves")] = DEFAULTS.robot,
+    robot: Annotated[
+        str | None, registered(ROBOTS, "which robot moves; bullet if not given, or mujoco without pybullet")
+    ] = DEFAULTS.robot,
     pace: Annotated[Pace, choice(get_args(Pace), "how new participants are paced")] = DEFAULTS.pace,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="no 3-D scene (for scripted clients)")] = False,
     log_format: Annotated[

@@ -31,7 +31,7 @@ from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.guarded_distractor import GuardedDistractor
-from app.trial.robots import robot_facts
+from app.trial.robots import chosen_robot, robot_facts
 from app.trial.setup import StudySetup, setup_to_end, study_setup
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
@@ -148,7 +148,8 @@ class Lab:
         self._later: set[asyncio.Task[None]] = set()
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
-        self._workers = process_source(config.robot, config.start_method)
+        self.robot = chosen_robot(config.robot)
+        self._workers = process_source(self.robot.name, config.start_method)
         self.metrics = Metrics(
             lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers), self.refusals)
         )
@@ -176,9 +177,9 @@ class Lab:
         study = open_study(self.config.study_file, self.config.trust)
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
-        self._workers.warm_up(self.config.robot)
+        self._workers.warm_up(self.robot.name)
         machine = fingerprint_id(machine_fingerprint())
-        self._ran_on = {**robot_facts(self.config.robot), "machine": machine}
+        self._ran_on = {**robot_facts(self.robot.name), "machine": machine}
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             lost = [one for one in store.unreadable_sessions() if one.lacks_page]
@@ -201,7 +202,9 @@ class Lab:
         )
         if reason := key_problem(self.config.data_dir):
             log.warning("who ends gets no certificate: put the key of a backup back", extra=about(reason=reason))
-        log.info("the lab serves", extra=about(robot=self.config.robot, pace=self.config.pace, scene=self.config.scene))
+        if self.robot.note:
+            log.warning("another robot moves than usual", extra=about(reason=self.robot.note))
+        log.info("the lab serves", extra=about(robot=self.robot.name, pace=self.config.pace, scene=self.config.scene))
 
     async def close(self) -> None:
         """End every worker and close the store. Sessions go on where they were when a lab opens again."""
@@ -573,7 +576,7 @@ class Lab:
             setup=setup.trial_setup(participant, enrolment.plan, trial, kind),
             start=start,
             log=past,
-            robot=self.config.robot,
+            robot=self.robot.name,
             pace=enrolment.pace,
             scene=self.config.scene and enrolment.pace == "real_time",
             heartbeat_timeout_s=setup.study.heartbeat_timeout_s,

@@ -6,6 +6,7 @@ names alone loads nothing.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from study.parts.code import code_of_package
@@ -46,10 +47,24 @@ def make_robot(name: str) -> Robot:
     return robot
 
 
-def default_robot() -> str:
-    """The robot that moves where nobody names one: on pybullet's physics, or on MuJoCo's where that alone is there."""
+@dataclass(frozen=True)
+class ChosenRobot:
+    """The name of the robot that moves, and what to know of the choice; "" for nothing."""
+
+    name: str
+    note: str = ""
+
+
+def chosen_robot(asked: str | None) -> ChosenRobot:
+    """The one that was asked for; else the one on pybullet's physics, or on MuJoCo's where that alone is installed."""
+    if asked is not None:
+        return ChosenRobot(asked)
     first, *others = ROBOTS.libraries
-    return next((name for name in (first, *others) if ROBOTS.lacking(name) is None), first)
+    for name in others if ROBOTS.lacking(first) else ():
+        if not ROBOTS.lacking(name):
+            absent = ROBOTS.libraries[first].module
+            return ChosenRobot(name, f"{absent} is not installed: the robot moves on the physics of {name} instead")
+    return ChosenRobot(first)
 
 
 def robot_facts(name: str) -> dict[str, str]:

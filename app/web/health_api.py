@@ -57,6 +57,8 @@ class HealthReply(BaseModel):
     """Title of the study that new participants get."""
     robot: str
     """Which robot moves."""
+    robot_note: str
+    """What to know of that choice: whose physics is not installed, so that another's moves it; "" for nothing."""
     detail: str
     """What is wrong, in one line; "" for nothing."""
     checks: list[CheckReply]
@@ -85,7 +87,8 @@ async def health(lab: TheLab, response: Response) -> HealthReply:
     return HealthReply(
         status="ok" if is_well else "failing",
         study=lab.setup.study.title,
-        robot=lab.config.robot,
+        robot=lab.robot.name,
+        robot_note=lab.robot.note,
         detail=_detail(checks),
         checks=_replies(checks),
     )

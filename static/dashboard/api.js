@@ -3,7 +3,7 @@
 import { labUrl } from "../common/root.js";
 import { lasting, tab } from "../common/store.js";
 
-/** @import { EventRow, InvitationReply, InviteReply, InviteRequest, LiveReply, Plane, SessionReply } from "../../tests/javascript/api.d.ts" */
+/** @import { EventRow, HealthReply, InvitationReply, InviteReply, InviteRequest, LiveReply, Plane, SessionReply } from "../../tests/javascript/api.d.ts" */
 /** @typedef {SessionReply & Partial<LiveReply>} Session a session at a glance; asked for, without what only the socket tells */
 /** @typedef {Omit<EventRow, "data"> & { data: Record<string, unknown> }} SessionEvent */
 
@@ -70,6 +70,11 @@ export class Api {
     this.token = token;
     if (token) tab.set("experimenter", token);
     else tab.remove("experimenter");
+  }
+
+  /** @returns {Promise<HealthReply>} */
+  async health() {
+    return this.get("/api/health");
   }
 
   /** @returns {Promise<Session[]>} */

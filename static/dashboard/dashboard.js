@@ -27,6 +27,7 @@ const api = new Api();
 const toasts = new Toasts();
 const main = h("main", { id: "main" });
 const updated = h("span", { class: "updated", role: "status", data: { testid: "last-updated" } }, "Not updated yet");
+const robotNote = h("p", { class: "hint", hidden: true, data: { testid: "robot-note" } });
 const leave = h(
   "button",
   { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } },
@@ -125,6 +126,7 @@ async function enter() {
     clearInterval(timer);
     timer = setInterval(poll, POLL_MS);
     live.start();
+    sayRobot();
   } catch (error) {
     if (isRefused(error)) api.setToken("");
     login(problemText(error));
@@ -170,6 +172,17 @@ function sayUpdated() {
   updated.classList.toggle("stale", stale);
   const at = lastAt.toLocaleTimeString([], { hour12: false });
   setText(updated, stale ? `Not up to date: last heard from the lab at ${at}` : `Updated ${at}`);
+}
+
+/**
+ * That another robot moves than usual, for as long as this lab runs.
+ *
+ * @returns {Promise<void>}
+ */
+async function sayRobot() {
+  const health = await api.health().catch(() => null); // it answers 503 while something is wrong, which is told elsewhere
+  setText(robotNote, health?.robot_note ?? "");
+  robotNote.hidden = !health?.robot_note;
 }
 
 let polling = false;
@@ -353,6 +366,7 @@ function sessionsCard() {
       h("h2", { id: "sessions-title" }, "Sessions"),
       h("span", { class: "top-actions" }, updated, rows.filter, exporting.button),
     ),
+    robotNote,
     exporting.progress,
     rows.element,
   );

@@ -231,7 +231,7 @@ def test_the_defaults_stand_in_one_table(capsys: pytest.CaptureFixture[str]) -> 
     assert main(["serve", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     defaults = LabConfig()
-    for value in (defaults.host, defaults.port, defaults.data_dir, defaults.robot, defaults.pace):
+    for value in (defaults.host, defaults.port, defaults.data_dir, defaults.pace):
         assert f"[default: {value}]" in said
 
 

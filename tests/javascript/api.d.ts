@@ -242,6 +242,22 @@ export interface TroubleReply {
   rescue: string | null;
 }
 
+/** One part of the lab. */
+export interface CheckReply {
+  name: "store" | "data_folder" | "workers" | "room" | "scene";
+  reason: string;
+}
+
+/** Whether the lab is well, and which study it runs. */
+export interface HealthReply {
+  status: "ok" | "failing";
+  study: string;
+  robot: string;
+  robot_note: string;
+  detail: string;
+  checks: Array<CheckReply>;
+}
+
 /** Anything else that happened, in order. */
 export interface EventRow {
   participant: string;

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from app import wire
 from app.session import explanation
-from app.web import export_api, join_api, live_api, results_api, roster_api, sessions_api
+from app.web import export_api, health_api, join_api, live_api, results_api, roster_api, sessions_api
 from study import records
 
 FOLDER = Path(__file__).resolve().parent
@@ -102,6 +102,7 @@ API_SENT: Mapping[str, Any] = {
     "EraseReply": roster_api.EraseReply,
     "LinkReply": roster_api.LinkReply,
     "TroubleReply": live_api.TroubleReply,
+    "HealthReply": health_api.HealthReply,
     "EventRow": records.EventRow,
     "SummaryReply": results_api.SummaryReply,
     "QualityReply": results_api.QualityReply,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import LabError
-from app.trial.robots import ROBOTS, default_robot, make_robot
+from app.trial.robots import ROBOTS, ChosenRobot, chosen_robot, make_robot
 from app.worker.process_source import process_source
 from study.parts.errors import PartError
 from study.parts.registry import Registry
@@ -54,7 +54,10 @@ def test_where_nobody_names_one_it_is_pybullets_or_else_mujocos(
 ) -> None:
     for library in ("pybullet", "mujoco"):
         monkeypatch.setitem(sys.modules, library, None if library in absent else pytest)
-    assert default_robot() == name
+    chosen = chosen_robot(None)
+    assert chosen.name == name
+    assert ("pybullet is not installed" in chosen.note) == (name == "mujoco")
+    assert chosen_robot("kinematic") == ChosenRobot("kinematic")
 
 
 @pytest.mark.parametrize(("name", "library"), [("bullet", "pybullet"), ("mujoco", "mujoco-core")])
