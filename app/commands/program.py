@@ -17,6 +17,7 @@ from app.commands import (
     data,
     integrity,
     participant_texts,
+    physics_comparison,
     recruitment,
     replay,
     replication,
@@ -50,7 +51,7 @@ def program() -> TyperGroup:
     salab.callback(epilog="`salab COMMAND --help` has the options of a command, and an example.")(_options)
     for room in (
         *(serve, recruitment, study_file, participant_texts),
-        *(data, backup, integrity, replay, simulated, replication),
+        *(data, backup, integrity, replay, simulated, replication, physics_comparison),
     ):
         salab.add_typer(room.commands)
     command = get_command(salab)

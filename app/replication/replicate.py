@@ -273,11 +273,11 @@ def check_conditions(plan: Plan) -> None:
         )
 
 
-def check_place(out_dir: Path | None) -> None:
-    """Raises `LabError` when the results could not be written there."""
+def check_place(out_dir: Path | None, kept: str = "studies") -> None:
+    """Raises `LabError` when the results could not be written there. An earlier run left a folder `kept` in it."""
     if out_dir is None:
         return
-    if out_dir.is_dir() and any(out_dir.iterdir()) and not (out_dir / "studies").is_dir():
+    if out_dir.is_dir() and any(out_dir.iterdir()) and not (out_dir / kept).is_dir():
         raise LabError(f"{out_dir}: not empty and not of an earlier run; choose another folder with --out")
     try:
         out_dir.mkdir(parents=True, exist_ok=True)

@@ -115,10 +115,11 @@ def run_study(plan: Plan, participants: int, study: int) -> Values:
 
 @dataclass(frozen=True)
 class Archive:
-    """Finished studies on disk, one file each. With no folder nothing is kept."""
+    """Finished studies on disk, one file each, or whatever else `what` says. With no folder nothing is kept."""
 
     folder: Path | None
     settings: dict[str, Any]
+    what: str = "study"
 
     def open(self) -> None:
         """Make the folder, or check that what is there is of the same run. Raises `LabError`."""
@@ -158,7 +159,7 @@ class Archive:
             )
         except (OSError, EOFError, zlib.error, ValueError, TypeError, KeyError, AttributeError) as error:
             why = getattr(error, "reason", None) or f"{type(error).__name__}: {error}"
-            raise LabError(f"{self._place(study)}: is no finished study: {why}; remove it") from None
+            raise LabError(f"{self._place(study)}: is no finished {self.what}: {why}; remove it") from None
 
     def save(self, study: int, values: Values) -> None:
         """Put a study away, all or nothing."""
@@ -176,7 +177,7 @@ class Archive:
 
     def _place(self, study: int) -> Path:
         assert self.folder is not None
-        return self.folder / f"study-{study:04d}.json.gz"
+        return self.folder / f"{self.what}-{study:04d}.json.gz"
 
 
 @dataclass(frozen=True)

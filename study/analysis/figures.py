@@ -136,7 +136,7 @@ _WITHIN = _COMMON.format(model="within participants, over those with every condi
 
 def objective_figure(analysis: Analysis) -> Picture:
     """The paper's Fig. 3: gain (A), convergence (B), efficiency (C), for pickups and for all tasks."""
-    with _figure(FULL_WIDTH_MM, 74.0) as figure:
+    with figure_of(FULL_WIDTH_MM, 74.0) as figure:
         axes = figure.subplots(1, 3)
         for letter, ax, measure in zip("ABC", axes, OBJECTIVE, strict=True):
             groups = [analysis.comparison(measure, kind) for kind in ("pickup", "all")]
@@ -144,7 +144,7 @@ def objective_figure(analysis: Analysis) -> Picture:
             _title(ax, letter, MEASURES[measure].title)
             ax.set_ylabel(_axis_label(measure))
         _legend(figure, analysis.data.conditions)
-        svg, png = _rendered(figure)
+        svg, png = rendered(figure)
     return Picture(
         "fig3_objective_measures",
         "Objective measures",
@@ -162,7 +162,7 @@ def goals_figure(analysis: Analysis) -> Picture:
     gains = analysis.comparison("belief_gain", "all")
     found = gains.observations if gains else ()
     counts = sorted({item.goals for item in found})
-    with _figure(FULL_WIDTH_MM, 62.0) as figure:
+    with figure_of(FULL_WIDTH_MM, 62.0) as figure:
         axes = np.atleast_1d(figure.subplots(1, len(conditions), sharey=True))
         for ax, trend in zip(axes, analysis.trends, strict=True):
             _draw_trend(ax, trend, [item for item in found if item.condition == trend.condition], counts)
@@ -170,7 +170,7 @@ def goals_figure(analysis: Analysis) -> Picture:
         low, high = min(0.0, *people), max(0.0, *people)
         axes[0].set_ylim(low - 0.08 * (high - low or 1.0), high + 0.16 * (high - low or 1.0))
         axes[0].set_ylabel(_axis_label("belief_gain"))
-        svg, png = _rendered(figure)
+        svg, png = rendered(figure)
     return Picture(
         "fig4_gain_by_goals",
         "Belief gain by number of candidate goals",
@@ -186,7 +186,7 @@ def goals_figure(analysis: Analysis) -> Picture:
 def survey_figure(analysis: Analysis) -> Picture:
     """Usability and workload."""
     names = [name for name in ("sus_modified", "tlx_raw") if analysis.comparison(name)]
-    with _figure(60.0 * len(names), 70.0) as figure:
+    with figure_of(60.0 * len(names), 70.0) as figure:
         for ax, name in zip(np.atleast_1d(figure.subplots(1, len(names))), names, strict=True):
             comparison = analysis.comparison(name)
             assert comparison is not None
@@ -195,7 +195,7 @@ def survey_figure(analysis: Analysis) -> Picture:
             _title(ax, "", MEASURES[name].title)
             ax.set_ylabel(_axis_label(name))
         _legend(figure, analysis.data.conditions)
-        svg, png = _rendered(figure)
+        svg, png = rendered(figure)
     return Picture(
         "fig5_surveys",
         "Survey scales",
@@ -207,7 +207,7 @@ def survey_figure(analysis: Analysis) -> Picture:
 
 def window_figure(analysis: Analysis) -> Picture:
     """Window rate, the paper's check that windows were equally frequent."""
-    with _figure(75.0, 70.0) as figure:
+    with figure_of(75.0, 70.0) as figure:
         ax = figure.subplots()
         groups = [analysis.comparison("window_rate", kind) for kind in ("pickup", "all")]
         _draw_groups(ax, [g for g in groups if g], analysis.data.conditions, ["pickups", "all tasks"])
@@ -215,7 +215,7 @@ def window_figure(analysis: Analysis) -> Picture:
         _title(ax, "", MEASURES["window_rate"].title)
         ax.set_ylabel(_axis_label("window_rate"))
         _legend(figure, analysis.data.conditions)
-        svg, png = _rendered(figure)
+        svg, png = rendered(figure)
     return Picture(
         "fig6_window_rate",
         "Window rate",
@@ -230,7 +230,7 @@ def heatmap_figure(heatmap: Heatmap) -> Picture:
 
     The colour is the share of a map's own range, in both; the ranges themselves stand below each map.
     """
-    with _figure(FULL_WIDTH_MM, 68.0) as figure:
+    with figure_of(FULL_WIDTH_MM, 68.0) as figure:
         axes = figure.subplots(1, 2, sharey=True)
         panels = (
             ("A", "Expected information gain", heatmap.information, heatmap.information_weight_m, ""),
@@ -246,7 +246,7 @@ def heatmap_figure(heatmap: Heatmap) -> Picture:
         bar = figure.colorbar(mesh, ax=axes, orientation="horizontal", shrink=0.5, aspect=45, pad=0.03)
         bar.set_label("share of the map's own range: 0 its lowest place, 1 its highest")
         bar.outline.set_linewidth(0.4)
-        svg, png = _rendered(figure)
+        svg, png = rendered(figure)
     caption = f"{heatmap.caption} {heatmap.sentence()} After the paper's Fig. 2."
     return Picture(HEATMAP_NAME, "What each reward wants", caption, svg, png, heatmap.csv())
 
@@ -462,18 +462,20 @@ _LEGEND_MARK_IN, _LEGEND_SIGN_IN = 0.35, 0.05
 
 
 @contextmanager
-def _figure(width_mm: float, height_mm: float) -> Iterator[Figure]:
+def figure_of(width_mm: float, height_mm: float) -> Iterator[Figure]:
+    """An empty figure in the report's style."""
     settings: dict[Any, Any] = {**matplotlib.rcParamsDefault, **_STYLE}  # whose own type lists every key there is
     with matplotlib.rc_context(settings):
         yield Figure(figsize=(width_mm * MM, height_mm * MM), layout="constrained")
 
 
-def _rendered(figure: Figure) -> tuple[str, bytes]:
+def rendered(figure: Figure, dpi: int = PNG_DPI) -> tuple[str, bytes]:
+    """The figure as SVG and PNG."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once, not once for each file
     svg, png = io.StringIO(), io.BytesIO()
     figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(png, format="png", dpi=PNG_DPI, metadata={"Software": None})
+    figure.savefig(png, format="png", dpi=dpi, metadata={"Software": None})
     return svg.getvalue(), png.getvalue()
 
 

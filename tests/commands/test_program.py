@@ -58,7 +58,8 @@ def test_alone_it_lists_every_command_under_its_group(capsys: pytest.CaptureFixt
     assert said == help_of(capsys)
     _, *parts = re.split(r"^([A-Z][^:\n]+):$", said, flags=re.MULTILINE)
     listed = {
-        group: re.findall(r"^  (\w+) ", text, re.MULTILINE) for group, text in zip(parts[::2], parts[1::2], strict=True)
+        group: re.findall(r"^  (\w[\w-]*) ", text, re.MULTILINE)
+        for group, text in zip(parts[::2], parts[1::2], strict=True)
     }
     assert listed.pop("Options") == []
     assert listed == {group: [each.name for each in COMMANDS if each.group == group] for group in GROUPS}

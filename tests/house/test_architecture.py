@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
-    ("app.jobs",),
+    ("app.jobs", "app.physics_comparison"),
     ("app.session", "app.replication", "app.replay", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
@@ -86,7 +86,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "alembic": ("study.store",),
     "pyarrow": ("study.export.data_package",),
     "babel": ("study.language", "app.texts"),
-    "matplotlib": ("study.analysis.figures", "app.report.layout_picture"),
+    "matplotlib": ("study.analysis.figures", "app.report.layout_picture", "app.physics_comparison.figure"),
     "statsmodels": ("study.analysis.linear_model", "study.analysis.hazard_model"),
 }
 """Outside library to the rooms or modules that may import it."""

@@ -102,7 +102,7 @@ def rows_of(table: str) -> list[list[str]]:
 
 
 def test_every_subcommand_named_exists_and_every_one_is_named() -> None:
-    named = {match for text in CODE for match in re.findall(r"\bsalab ([a-z][a-z0-9]*)", text)}
+    named = {match for text in CODE for match in re.findall(r"\bsalab ([a-z][a-z0-9-]*)", text)}
     named |= {span for span in SPANS if span in COMMANDS}
     assert named == set(COMMANDS)
 
