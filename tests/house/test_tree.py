@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 TOP_LEVEL = {
     *("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "Makefile"),
+    *("Dockerfile", ".dockerignore", "compose.yaml"),
     *(".ci", ".gitignore", "app", "docs", "static", "sim", "study", "tests"),
 }
 
