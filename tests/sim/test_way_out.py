@@ -1,6 +1,6 @@
 """An arm that was pressed against something comes free again: whatever was done before, every way out moves it.
 
-A part of the drives each run; all 540 with `SALAB_FULL_SWEEP=1`.
+A part of the drives each run, on each physics; all 540 with `SALAB_FULL_SWEEP=1`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from tests.support.engine_cases import HANDS_OFF, push
 from tests.support.rough_drives import MOVES, Drive, ProbedRobot, driven
 
 FULL = bool(os.environ.get("SALAB_FULL_SWEEP"))
-pytestmark = pytest.mark.bullet
 
-SEEDS = range(540) if FULL else range(0, 540, 23)
-"""23 shares no factor with the number of combinations: the part has every layout, condition and beginning."""
+STEPS = {"bullet": 23, "mujoco": 47}
+"""Every so many-th drive. They share no factor with the number of combinations: a part has every layout, condition and
+beginning."""
 FREE_M = 0.005
 """In two ticks. What drags a bottle along is pressed, and comes on."""
 HELD_TICKS = 8
@@ -74,12 +74,32 @@ def alone(engine: TrialEngine) -> int:
     return longest
 
 
-@pytest.mark.parametrize("part", range(6))
-def test_every_way_out_moves_the_arm_within_two_ticks_and_alone_it_does_not_press_on(part: int) -> None:
-    robot = ProbedRobot()
+def probed(name: str) -> ProbedRobot:
+    """That robot, to be put back."""
+    if name == "mujoco":
+        from tests.support.probed_mujoco import ProbedMujoco
+
+        return ProbedMujoco()
+    from tests.support.probed_bullet import ProbedBullet
+
+    return ProbedBullet()
+
+
+PARTS = [
+    pytest.param(name, part, marks=getattr(pytest.mark, name), id=f"{name}-{part}")
+    for name, parts in (("bullet", 6), ("mujoco", 3))
+    for part in range(parts)
+]
+
+
+@pytest.mark.parametrize(("name", "part"), PARTS)
+def test_every_way_out_moves_the_arm_within_two_ticks_and_alone_it_does_not_press_on(name: str, part: int) -> None:
+    parts = sum(1 for one in PARTS if one.values[0] == name)
+    seeds = range(0, 540, 1 if FULL else STEPS[name])[part::parts]
+    robot = probed(name)
     jams: list[tuple[Drive, Direction | None, Found]] = []
     ways, least_m, longest, longest_alone = 0, math.inf, 0, 0
-    for drive in map(Drive, SEEDS[part::6]):
+    for drive in map(Drive, seeds):
         engine, _ = driven(drive, robot)
         if engine.finished:
             continue
@@ -104,4 +124,4 @@ def test_every_way_out_moves_the_arm_within_two_ticks_and_alone_it_does_not_pres
     robot.close()
     print(f"{ways} ways out: least moved {least_m * 1e3:.1f} mm, pressed {longest} ticks; alone {longest_alone} ticks")
     assert not jams
-    assert ways > len(SEEDS[part::6])
+    assert ways > len(seeds)

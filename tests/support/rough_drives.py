@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from app.autonomy.actions import DIRECTIONS, NULL_ACTION, UNIT_DIRECTIONS, Direction, index_of
 from app.trial.engine import TrialEngine
 from app.trial.values import CycleSetup, TickResult, TrialSetup, UserInput
-from sim.bullet import BulletRobot
-from sim.interface import SLICE_S, SceneSpec
+from sim.interface import SceneSpec
 from sim.layouts import scene as layout_scene
+from sim.physical import PhysicalRobot
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import CLOSE, DOWN, FORWARD, HANDS_OFF, OPEN, UP, Person, push, trial_setup
 from tests.support.shipped_world import LAYOUTS
 
 MOVES: tuple[Direction, ...] = tuple(way for way in DIRECTIONS if way != DIRECTIONS[NULL_ACTION])
+Vector = np.ndarray[Any, np.dtype[np.float64]]
 TOUCH_M = 0.008
 """What is as near as this counts as touched: a way into it is at its end before it has begun."""
 INTO = -0.01
@@ -185,7 +187,7 @@ def _setup(drive: Drive, rng: np.random.Generator, side: int) -> TrialSetup:
     return replace(setup, cycles=(CycleSetup(scene, chosen, bin_id),) * 6)
 
 
-class ProbedRobot(BulletRobot):
+class ProbedRobot(PhysicalRobot):
     """A robot that can be put back: many ways out are tried from one state. Probed, it does not begin a new world."""
 
     probed = False
@@ -194,17 +196,13 @@ class ProbedRobot(BulletRobot):
         if not self.probed:
             super().reset(scene)
 
-    def contacts(self) -> list[np.ndarray[Any, np.dtype[np.float64]]]:
+    @abstractmethod
+    def contacts(self) -> list[Vector]:
         """Normals, towards the arm or what it holds, of everything that either touches."""
-        client, held = self._client, self._held.body if self._held else None
-        ours = [body for body in (self._arm, held) if body is not None]
-        others = [body for body in range(pybullet.getNumBodies(physicsClientId=client)) if body not in ours]
-        return [
-            np.array(point[7])
-            for own in ours
-            for other in others
-            for point in pybullet.getClosestPoints(own, other, TOUCH_M, physicsClientId=client)
-        ]
+
+    @abstractmethod
+    def _physics_kept(self) -> AbstractContextManager[Callable[[], None]]:
+        """The physics as it is now; what is yielded puts it back."""
 
     def leads_away(self, direction: Direction) -> bool:
         """Whether no part of a direction leads into anything that the arm or what it holds touches."""
@@ -214,24 +212,19 @@ class ProbedRobot(BulletRobot):
     def states(self, engine: TrialEngine) -> Generator[TrialEngine, None, None]:
         """Copies of the engine, without end: at each, the robot is as it is now."""
         self.probed = True
-        saved = pybullet.saveState(physicsClientId=self._client)
         kept = copy.deepcopy({key: value for key, value in vars(self).items() if key not in _SHARED})
         held, rests = self._held, [item.rest_slices for item in self._bodies]
-        try:
-            while True:
-                pybullet.restoreState(stateId=saved, physicsClientId=self._client)
-                vars(self).update(copy.deepcopy(kept))
-                self._held = held
-                for item, rest in zip(self._bodies, rests, strict=True):
-                    item.rest_slices = rest
-                # What motors are told is not a part of the state that is saved.
-                pybullet.setPhysicsEngineParameter(fixedTimeStep=SLICE_S / self._steps, physicsClientId=self._client)
-                self._drive_arm(self._joints_rad)
-                self._drive_fingers()
-                yield copy.deepcopy(engine, {id(self): self})
-        finally:
-            pybullet.removeState(saved, physicsClientId=self._client)
-            self.probed = False
+        with self._physics_kept() as put_back:
+            try:
+                while True:
+                    vars(self).update(copy.deepcopy(kept))
+                    self._held = held
+                    for item, rest in zip(self._bodies, rests, strict=True):
+                        item.rest_slices = rest
+                    put_back()
+                    yield copy.deepcopy(engine, {id(self): self})
+            finally:
+                self.probed = False
 
 
-_SHARED = ("_scene", "_bodies", "_held")
+_SHARED = ("_scene", "_bodies", "_held", "_model", "_data")
