@@ -81,6 +81,13 @@ async def lab(tmp_path: Path) -> AsyncIterator[Lab]:
         yield running
 
 
+@pytest.fixture
+async def patient_lab(tmp_path: Path) -> AsyncIterator[Lab]:
+    """One that tries again for as long as it does by itself, however slow the computer is."""
+    async with lab_in_here(tmp_path) as running:
+        yield running
+
+
 async def changed(lab: Lab, is_so: Callable[[], bool]) -> None:
     """Wait until something that the lab tells those who look on makes this true."""
     told = asyncio.Event()
@@ -179,8 +186,10 @@ async def test_a_session_can_be_opened_while_nothing_can_be_saved(lab: Lab, tmp_
 # ---- effects that fail
 
 
-async def test_a_worker_that_cannot_be_started_is_tried_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    session, page, participant = await driven(lab)
+async def test_a_worker_that_cannot_be_started_is_tried_again(
+    patient_lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, page, participant = await driven(patient_lab)
     start, failures = WorkerProcess.start, iter([True, True])
 
     async def start_later(process: WorkerProcess) -> None:
@@ -193,7 +202,7 @@ async def test_a_worker_that_cannot_be_started_is_tried_again(lab: Lab, monkeypa
     await page.until(Status, status="recovering")
     await page.until(Status, status="running")
     assert (await page.tick(2)).tick == 1
-    kinds = [row.kind for row in lab.store.store.rows_of("events", participant)]
+    kinds = [row.kind for row in patient_lab.store.store.rows_of("events", participant)]
     assert kinds.count("worker_lost") == 1 and kinds.count("worker_failed") == 1
 
 
@@ -217,10 +226,10 @@ async def test_one_that_can_never_be_started_pauses_with_the_reason_and_resume_t
 
 @pytest.mark.parametrize("broken", ["show_page", "show_status", "show_world"])
 async def test_an_error_on_the_way_to_an_effect_leaves_no_dead_session(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch, broken: str
+    patient_lab: Lab, monkeypatch: pytest.MonkeyPatch, broken: str
 ) -> None:
     """Whatever raises once, between what is recorded and what follows from it: the trial goes on."""
-    session, page, participant = await driven(lab)
+    session, page, participant = await driven(patient_lab)
     connections = session._context.connections
     works: Callable[..., Any] = getattr(connections, broken)
     failures = iter([True])
@@ -230,10 +239,10 @@ async def test_an_error_on_the_way_to_an_effect_leaves_no_dead_session(
             raise RuntimeError("once")
         works(*arguments)
 
-    await lab.command(participant, Command("pause"), "AB")
+    await patient_lab.command(participant, Command("pause"), "AB")
     monkeypatch.setattr(connections, broken, once)
     with contextlib.suppress(RuntimeError):
-        await lab.command(participant, Command("resume"), "AB")
+        await patient_lab.command(participant, Command("resume"), "AB")
     await page.until(Status, status="running")
     session.receive(page, Input(seq=2, client_ms=0.0, direction=RIGHT))
     seq = 2
@@ -244,7 +253,7 @@ async def test_an_error_on_the_way_to_an_effect_leaves_no_dead_session(
         if message.status == "running":
             seq += 1
             session.receive(page, Input(seq=seq, client_ms=0.0, direction=RIGHT))
-    rows = lab.store.store.rows_of("ticks", participant)
+    rows = patient_lab.store.store.rows_of("ticks", participant)
     assert [row.tick for row in rows] == list(range(len(rows)))
 
 
