@@ -8,6 +8,9 @@ A session's loop thread owns a `SceneView` and calls it about 30 times a second:
         view.update(world_state)            after every slice
         view.set_view("side")
 
+While no browser looks on, an update is kept and not drawn: three quarters of a session's work would be for nobody. The
+last one is drawn when a browser comes, with the next update or `tend`.
+
 How nodes get to the browser is `sim.view.nodes`. The look is cheap to draw without a graphics card: no environment map,
 no grid, no shadow maps, few triangles, and everything that never moves is unlit with its light in the colours.
 """
@@ -67,6 +70,10 @@ class _Shown:
     tween: _Tween | None = None
     marked: str | None = None
     """The object or bin with the ring."""
+    began: bool = False
+    """Whether the scene has been drawn with everything in its place: whoever comes finds no half of it."""
+    undrawn: tuple[WorldState, Mapping[str, Pose] | None] | None = None
+    """What came while nobody looked on."""
 
 
 class SceneView:
@@ -159,7 +166,7 @@ class SceneView:
         shown.specs.update({spec.id: spec for spec in (*scene.gone, *(placed.spec for placed in scene.objects))})
         if shown.joints_rad is not None:
             shown.tween = _Tween(shown.joints_rad, shown.opening_m, self._clock())
-        shown.marked = None
+        shown.marked, shown.began, shown.undrawn = None, False, None
         with self.server.batch():
             self._mark(None)
             self._show_fixed(scene)
@@ -174,6 +181,15 @@ class SceneView:
         """
         if self._shown.scene is None:
             raise SimError("update() before show(): the view does not know what stands where")
+        if self.server.clients or not self._shown.began:
+            self._draw(state, delivered)
+            return
+        self._shown.undrawn = state, delivered
+        self._shown.joints_rad, self._shown.opening_m = state.joint_positions_rad, state.finger_opening_m
+        self._shown.poses = {}
+
+    def _draw(self, state: WorldState, delivered: Mapping[str, Pose] | None) -> None:
+        self._shown.undrawn, self._shown.began = None, True
         joints_rad, opening_m = self._tweened(state)
         if (joints_rad, opening_m) != (self._shown.joints_rad, self._shown.opening_m) or not self._shown.poses:
             self._shown.poses = self._link_poses(joints_rad, opening_m)
@@ -216,7 +232,10 @@ class SceneView:
             self._mark(goal)
 
     def tend(self) -> None:
-        """While nothing moves: point the cameras of browsers that have come, or whose picture has another shape."""
+        """While nothing moves: for browsers that have come, draw what came before them; point the cameras of those, and
+        of browsers whose picture has another shape."""
+        if self._shown.undrawn is not None and self.server.clients:
+            self._draw(*self._shown.undrawn)
         with self.server.batch():
             self._aim()
 

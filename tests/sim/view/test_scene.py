@@ -170,6 +170,7 @@ def test_the_plumb_line_ends_on_what_is_below(view: SceneView) -> None:
         client.backlog()
         assert client.position("/plumb/mark")[2] == pytest.approx(SIX.table.top_z_m, abs=0.005)
         client.forget()
+        joined(view)
         view.update(world(SIX, (1.2, 0.10, 0.0, 1.76, 0.0, -1.86, 0.0)))  # turned away from the table
         client.until(type="SetPositionMessage", name="/plumb/mark")
     assert client.position("/plumb/mark")[2] == pytest.approx(0.0, abs=0.01)
@@ -217,8 +218,9 @@ def test_after_a_reset_the_arm_glides_home(clock: Clock) -> None:
         return fetch.link_poses(joints_rad, opening_m)
 
     away = (0.8, *START_JOINTS_RAD[1:])
-    with SceneView(link_poses, simple_look(), SceneOptions(reset_tween_s=1.0), clock) as view:
-        view.open()
+    options = SceneOptions(reset_tween_s=1.0)
+    with SceneView(link_poses, simple_look(), options, clock) as view, ViserClient(view.open()):
+        joined(view)
         view.show(SIX)
         view.update(world(SIX, away))
         view.show(SIX)
@@ -226,6 +228,29 @@ def test_after_a_reset_the_arm_glides_home(clock: Clock) -> None:
             view.update(world(SIX))
             clock.now_s += 0.5
     assert asked == pytest.approx([0.8, 0.4, 0.0])  # asked only when something moves
+
+
+def test_what_nobody_sees_is_not_drawn_and_whoever_comes_sees_how_it_is_now() -> None:
+    asked: list[float] = []
+
+    def link_poses(joints_rad: Sequence[float], opening_m: float) -> dict[str, fetch.LinkPose]:
+        asked.append(joints_rad[0])
+        return fetch.link_poses(joints_rad, opening_m)
+
+    with SceneView(link_poses, simple_look()) as view:
+        view.open()
+        view.show(SIX)
+        for turned_rad in (0.0, 0.3, 0.6):
+            view.update(world(SIX, (turned_rad, *START_JOINTS_RAD[1:]), sponge_pack=(0.8, -0.4, 1.0 + turned_rad)))
+        assert asked == [0.0], "the first picture of a scene is whole, and no other is drawn for nobody"
+        with ViserClient(view.open()) as client:
+            client.backlog()
+            client.forget()
+            joined(view)
+            view.tend()  # as a worker does that holds, or that runs no tick
+            client.until(type="SetPositionMessage", name="/object/sponge_pack")
+        assert client.position("/object/sponge_pack") == pytest.approx((0.8, -0.4, 1.6))
+        assert asked == [0.0, 0.6]
 
 
 def test_a_view_moves_those_who_look_and_those_who_come(view: SceneView) -> None:

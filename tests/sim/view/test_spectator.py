@@ -129,6 +129,7 @@ def test_every_spectator_steers_a_camera_of_their_own(spectators: SpectatorView)
         start = [m for m in client.messages if m["type"] == "SetCameraPositionMessage"][-1]
         assert start["position"] == pytest.approx(SPECTATOR.position_world_m)
         client.forget()
+        joined(spectators._view)
         spectators.update(world(SIX, sponge_pack=(0.8, -0.4, 1.0)), {}, BELIEF, None)
         client.until(type="SetPositionMessage", name="/object/sponge_pack")
         assert not [message for message in client.messages if "Camera" in message["type"]]
