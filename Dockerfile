@@ -6,9 +6,9 @@
 ARG PYTHON=3.11
 
 FROM python:${PYTHON}-slim AS build
-# The Fetch's published meshes (CC BY-NC-SA 4.0) are an extra: `--build-arg EXTRAS=[meshes]`. Without them simple shapes
-# are drawn.
-ARG EXTRAS=""
+# What `make run` installs. Another extra is the Fetch's published meshes (CC BY-NC-SA 4.0), without which simple shapes
+# are drawn: `--build-arg EXTRAS=[bullet,analysis,meshes]`. `EXTRAS=` serves on MuJoCo's physics and makes no reports.
+ARG EXTRAS="[bullet,analysis]"
 WORKDIR /opt/lab
 COPY . .
 RUN python -m venv .venv \

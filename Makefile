@@ -120,10 +120,10 @@ $(VENV)/.installed: pyproject.toml
 	  "$$python" -m venv --clear $(VENV) || exit 1; \
 	fi
 	@echo "== installing the lab (a minute or two the first time)"
-	@$(PIP) --editable '.[meshes]'
+	@$(PIP) --editable '.[bullet,analysis]'
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	@echo "== installing what the tests and the documentation need"
-	@$(PIP) --editable '.[meshes,test,docs]'
+	@$(PIP) --editable '.[bullet,analysis,meshes,test,docs]'
 	@touch $@

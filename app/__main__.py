@@ -34,6 +34,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 from app.commands import console  # noqa: E402
 from app.commands.program import run  # noqa: E402
 from app.errors import LabError  # noqa: E402
+from study.extras import missing_extra  # noqa: E402
 from study.records import StudyError  # noqa: E402
 
 if TYPE_CHECKING:
@@ -51,6 +52,12 @@ def main(arguments: Sequence[str] | None = None, flow: Flow | None = None) -> in
         return status
     except (LabError, StudyError) as error:
         console.complain(error)
+        return 1
+    except ModuleNotFoundError as error:
+        what = missing_extra(error)
+        if what is None:
+            raise
+        console.complain(LabError(f"this {what}"))
         return 1
     except BrokenPipeError:
         console.hush()

@@ -33,17 +33,18 @@ def export(
 ) -> None:
     """Write the data as a data package (CSV, Parquet, descriptions).
 
-    It is there whole or not at all, in place of an earlier one.
+    It is there whole or not at all, in place of an earlier one. Parquet needs the extra `analysis`.
     Demo participants and whatever identifies somebody stay out. A lab may be running on the data.
     """
     from study.export.export import export, export_zip
+    from study.export.parquet import csv_alone
     from study.store import open_store
 
     if as_archive and out.suffix != ".zip":
         out = out.with_name(out.name + ".zip")
     with open_store(data, must_exist=True) as store:
         (export_zip if as_archive else export)(store, out, include_pilot=pilot, excel_safe=excel_safe)
-    print(f"exported to {out}")
+    print(f"exported to {out}{csv_alone()}")
 
 
 @commands.command(rich_help_panel=DATA, epilog="Example: salab erase --data data --participant P001 --yes")

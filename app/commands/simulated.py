@@ -45,10 +45,11 @@ def simulate(
     When it is interrupted, the same command goes on where it was.
     """
     from app.simulated.study import make_plan, simulate
+    from study.export.parquet import csv_alone
 
     plan = make_plan(seed, robot, preset, study, trust, flow_of(context))
     rows = simulate(plan, participants, workers, out, preset)
-    print(f"{participants} simulated participants, {rows['ticks']} ticks: {out}")
+    print(f"{participants} simulated participants, {rows['ticks']} ticks: {out}{csv_alone()}")
 
 
 @commands.command(rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab analyze pilot --out report")

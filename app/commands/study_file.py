@@ -18,6 +18,7 @@ from app.commands.options import choice
 from app.commands.participant_texts import notes_on_texts
 from app.errors import LabError
 from app.simulated.presets import PRESET_NAMES
+from study.extras import missing_extra
 
 if TYPE_CHECKING:
     from sim.layouts import Layout
@@ -196,8 +197,14 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def _draw(layout: Layout, file: Path, picture: Path | None) -> None:
     """Draw the layout beside the study file, or where one asked for it, and say where that is."""
-    from app.report.layout_picture import write_layout_picture
-
+    try:
+        from app.report.layout_picture import write_layout_picture
+    except ModuleNotFoundError as error:
+        what = missing_extra(error)
+        if what is None or picture is not None:
+            raise
+        print(f"layout {layout.name!r} is not drawn: that {what}")
+        return
     target = picture or file.with_suffix(".layout.png")
     if target.suffix.lower() not in PICTURES:
         raise LabError(f"--picture {target}: a picture's name ends in {', '.join(PICTURES)}")

@@ -20,6 +20,7 @@ from pathlib import Path
 from app.jobs.work import NICENESS, Say, say
 from app.processes import step_back
 from study.export.export import export
+from study.extras import missing_extra
 from study.records import StudyError
 from study.store import open_store
 
@@ -54,6 +55,12 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
             analysis = analyse(data)
         except StudyError as error:
             say({"cannot": sentence(str(error), package)})
+            return
+        except ModuleNotFoundError as error:
+            what = missing_extra(error)
+            if what is None:
+                raise
+            say({"cannot": f"The report {what}"})
             return
         step(4)
         pictures = draw_all(analysis, heatmap_of(data))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from study.extras import how_to_install
 from study.parts.code import code_of_package
 from study.parts.registry import Library, Registry
 
@@ -30,7 +31,7 @@ ROBOTS = Registry(
     libraries={
         "bullet": Library(
             "pybullet",
-            "pip install pybullet (Python 3.10, 3.11) or pybullet-arm64 (3.12, 3.13), or take --robot mujoco",
+            f"{how_to_install('bullet')} (Python 3.10 to 3.13), or take --robot mujoco",
         ),
         "mujoco": Library(
             "mujoco",

@@ -1,23 +1,23 @@
 """What the analysis reads of an export: completed trials measured, surveys scored, and how good the data are.
 
 Everything but `ticks.csv` is read by `study.export.export.read_table`. A thousand trials are a third of a gigabyte of
-ticks, so of those only the columns the measures need are read, a block at a time.
+ticks, so of those only the columns the measures need are read, and none is kept.
 """
 
 from __future__ import annotations
 
+import csv
 import json
-import math
 import os
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
-
-import numpy as np
-import pandas as pd
 
 from study.analysis.measures import TIME_LIMIT, Measures, measure
 from study.analysis.summaries import conditions_of
@@ -25,27 +25,18 @@ from study.definition.builtin_questionnaires import Instrument
 from study.definition.files_beside import MOST_STUDY_BYTES
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
-from study.export.export import read_meta, read_table
+from study.export.export import finite_cell, read_meta, read_table, whole_cell
 from study.flow.answers import SurveyScore, survey_scores
 from study.flow.recorded import ARM_FREED
 from study.json_text import parse_json
 from study.records import AlertRow, EventRow, ParticipantRow, RecordProblem, StudyError, TaskRow, TrialRow
-from study.text_file import FileProblem, opened_table, read_text
+from study.text_file import FileProblem, opened_table, read_text, table_text
 
-_TICK_TYPES: dict[str, Any] = {
-    "participant": "category",
-    "trial": "int64",
-    "task": "float64",
-    "tick": "int64",
-    "source": "category",
-    "after_pause": "int64",
-    "belief": object,
-    "entropy": "float64",
-    "attempt": "int64",
-}
 _FIRST_ATTEMPT = "attempt"
 """The column that exports had not before the arm could be freed: everything in them is a first attempt."""
-_BLOCK_ROWS = 200_000
+_whole = lru_cache(maxsize=16_384)(whole_cell)  # few numbers stand in many cells
+_TOGETHER = 200_000
+"""So many ticks are remembered, to find one that is there twice."""
 
 
 class AnalysisError(StudyError):
@@ -267,50 +258,62 @@ class _Ticks:
     def read(self) -> Generator[LightTick, None, None]:
         path = self._folder / "ticks.csv"
         try:
-            with opened_table(path, within=self._folder) as file:
-                header = pd.read_csv(file, nrows=0).columns
-            missing = [name for name in _TICK_TYPES if name not in header and name != _FIRST_ATTEMPT]
-            if missing:
-                raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-            with (
-                opened_table(path, within=self._folder) as file,
-                pd.read_csv(
-                    file,
-                    usecols=[name for name in _TICK_TYPES if name in header],
-                    dtype=_TICK_TYPES,
-                    keep_default_na=False,
-                    na_values={"task": [""]},
-                    chunksize=_BLOCK_ROWS,
-                ) as blocks,
-            ):
-                for block in _quietly(blocks):
-                    yield from self._of(block)
+            with opened_table(path, within=self._folder) as raw, table_text(raw) as file:
+                lines = csv.reader(file)
+                header = next(lines, [])
+                missing = [name for name in LightTick._fields if name not in header and name != _FIRST_ATTEMPT]
+                if missing:
+                    raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
+                found = [name for name in LightTick._fields if name in header]
+                cells_of = itemgetter(*map(header.index, found))
+                seen: set[tuple[str, str, str]] = set()
+                for line in filter(None, lines):  # some editors leave a blank one at the end
+                    tick = self._of(*cells_of(line), seen=seen)
+                    if tick is not None:
+                        yield tick
         except AnalysisError:
             raise
-        except (ValueError, OverflowError, OSError) as error:  # pandas' own errors are ValueErrors
-            read_table(self._folder, "ticks")  # reads slowly, and names the line and the cell
+        except (ValueError, IndexError, OSError, csv.Error) as error:
+            read_table(self._folder, "ticks")  # names the line and the cell
             raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
 
-    def _of(self, block: pd.DataFrame) -> Iterator[LightTick]:
-        if (block["tick"] < 0).any() or not block["entropy"].abs().lt(math.inf).all():
-            raise ValueError("a tick is negative, or an entropy is no number")
-        if block.duplicated(["participant", "trial", "tick"]).any():
+    def _of(
+        self,
+        participant: str,
+        trial: str,
+        task: str,
+        tick: str,
+        source: str,
+        after_pause: str,
+        belief: str,
+        entropy: str,
+        attempt: str = "1",
+        *,
+        seen: set[tuple[str, str, str]],
+    ) -> LightTick | None:
+        """What the cells of a line say; None of what is not measured."""
+        number, value = _whole(tick), finite_cell(entropy)
+        if number < 0:
+            raise ValueError("a tick is negative")
+        key = (participant, trial, tick)
+        if key in seen:
             raise ValueError("a tick is there twice")
-        rows = block[block["task"].notna()]  # resets have no task and are not measured
-        trials = rows[["participant", "trial"]].drop_duplicates()
-        found = set(zip(trials["participant"].tolist(), trials["trial"].tolist(), strict=True))
-        if not found <= self._known:
-            participant, trial = sorted(found - self._known)[0]
+        if len(seen) == _TOGETHER:
+            seen.clear()
+        seen.add(key)
+        place, pauses, attempts = (participant, _whole(trial)), _whole(after_pause), _whole(attempt)
+        if not task:
+            return None  # resets have no task and are not measured
+        if place not in self._known:
             raise AnalysisError(
-                f"{self._folder / 'ticks.csv'}: participant {participant}, trial {trial} is not in trials.csv; "
+                f"{self._folder / 'ticks.csv'}: participant {participant}, trial {place[1]} is not in trials.csv; "
                 "export the data again"
             )
-        if not found <= self._kept:
-            places = zip(rows["participant"].tolist(), rows["trial"].tolist(), strict=True)
-            rows = rows[[place in self._kept for place in places]]
-        self.ticks += len(rows)
-        self.pauses += int(rows["after_pause"].sum())
-        return map(LightTick, *(rows[name].tolist() for name in _TICK_TYPES if name in rows))
+        if place not in self._kept:
+            return None
+        self.ticks += 1
+        self.pauses += pauses
+        return LightTick(participant, place[1], _whole(task), number, source, pauses, belief, value, attempts)
 
 
 def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone: Sequence[ParticipantRow]) -> None:
@@ -332,16 +335,6 @@ def _check_trials(
             f"{folder / table}.csv: participant {participant}, trial {trial} is not in trials.csv; "
             "export the data again"
         )
-
-
-def _quietly(blocks: Iterator[pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """The blocks, without numpy's warning of a cell such as `inf` in a column of whole numbers, which is refused."""
-    while True:
-        with np.errstate(invalid="ignore"):
-            block = next(blocks, None)
-        if block is None:
-            return
-        yield block
 
 
 def _check_tasks(folder: Path, trials: list[TrialRow], tasks: list[TaskRow]) -> None:
@@ -510,5 +503,5 @@ def _alert_summary(condition: str, alerts: list[AlertRow]) -> AlertSummary:
         raised=len(alerts),
         answered=len(answered),
         correct=sum(alert.correct == 1 for alert in answered),
-        median_answer_s=float(pd.Series(waits).median()) if waits else None,
+        median_answer_s=float(median(waits)) if waits else None,
     )

@@ -6,19 +6,20 @@ Its strata are participants, so that each is compared with themselves.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from statsmodels.duration.hazard_regression import PHReg
 
 from study.analysis.effect_sizes import LEVEL, Interval, NotFitted
 from study.analysis.measures import TaskMeasures
+from study.analysis.partial_likelihood import NoMaximum, greatest
 
 LARGEST_LOG_RATIO = 15.0
 """A hazard three million times another's is none that was estimated: one condition ends before any other does."""
+
+NO_RATIO = "tasks under one condition all end before those under another: no ratio can be estimated"
 
 
 @dataclass(frozen=True)
@@ -56,22 +57,13 @@ def until_done(tasks: Sequence[TaskMeasures], conditions: Sequence[str]) -> Haza
         centred[people == person] -= centred[people == person].mean(axis=0)
     if int(np.linalg.matrix_rank(centred)) < len(names):
         return NotFitted("no participant has tasks under several conditions")
-    model = PHReg(
-        np.array([max(task.efficiency_ticks, 1) for task in tasks], dtype=np.float64),
-        design,
-        status=np.array([int(not task.censored) for task in tasks]),
-        strata=people,
-        ties="efron",
-    )
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # what they would say is looked at below
-        try:
-            fit = model.fit(disp=0)
-            effects, covariance = np.asarray(fit.params), np.asarray(fit.cov_params())
-        except (np.linalg.LinAlgError, ValueError) as error:
-            return NotFitted(f"the model cannot be estimated: {error}")
-    if not np.isfinite(covariance).all() or np.abs(effects).max() > LARGEST_LOG_RATIO:
-        return NotFitted("tasks under one condition all end before those under another: no ratio can be estimated")
+    times = np.array([max(task.efficiency_ticks, 1) for task in tasks], dtype=np.float64)
+    try:
+        effects, covariance = greatest(times, design, np.array([not task.censored for task in tasks]), people)
+    except NoMaximum:
+        return NotFitted(NO_RATIO)
+    if np.abs(effects).max() > LARGEST_LOG_RATIO:
+        return NotFitted(NO_RATIO)
     reach = float(stats.norm.ppf(0.5 + LEVEL / 2.0))
     ratios = []
     for index, name in enumerate(names):

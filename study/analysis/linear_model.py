@@ -1,6 +1,6 @@
 """Tests of one measure between conditions: ANOVA, Tukey HSD, repeated measures.
 
-The linear model is statsmodels', the distributions are scipy's. Everything takes plain sequences of equal length and
+The distributions are scipy's. Everything takes plain sequences of equal length and
 gives frozen values. What cannot be fitted is a `NotFitted` with the reason in one sentence, never a NaN.
 
     anova(values, condition, {"position": ..., "goal": ...})   fixed factors without interactions, type II = III
@@ -18,10 +18,10 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 from scipy import stats
-from statsmodels.regression.linear_model import OLS
 
 from study.analysis.design_matrix import FloatArray, design_matrix, levels_of, problem, rank_of
 from study.analysis.effect_sizes import LEVEL, NO_VARIANCE, Interval, NotFitted, eta_squared
+from study.analysis.least_squares import least_squares
 from study.analysis.studentized_range import critical, upper_tail
 
 
@@ -115,14 +115,12 @@ def anova(
         return NotFitted(f"the condition cannot be told apart from {' and '.join(used)}: they always change together")
     if len(y) - rank < 1:
         return NotFitted(f"{len(y)} values are too few for {rank} parameters; at least {rank + 1} are needed")
-    fit = OLS(y, design).fit()
-    if fit.ssr <= NO_VARIANCE * float(y @ y):
+    fit = least_squares(y, design, rank)
+    if fit.residual_squares <= NO_VARIANCE * float(y @ y):
         return NotFitted("the values do not vary within the conditions, so that there is nothing to test against")
-    test = fit.f_test(np.eye(design.shape[1])[own])
-    f, df_error = float(np.squeeze(test.fvalue)), float(fit.df_resid)
+    f, df_error = fit.f_test(own), float(fit.df_residual)
     means = _mean_rows(design, len(levels))
-    covariance = np.asarray(fit.cov_params())
-    spread = means @ covariance @ means.T
+    spread = means @ fit.covariance @ means.T
     variances = np.diag(spread)[:, None] + np.diag(spread)[None, :] - 2.0 * spread
     return Anova(
         f=f,
@@ -130,11 +128,11 @@ def anova(
         df_error=df_error,
         p=float(stats.f.sf(f, len(own), df_error)),
         eta_squared=eta_squared(f, len(own), df_error),
-        mean_square_error=float(fit.mse_resid),
+        mean_square_error=fit.mean_square_error,
         observations=len(y),
         conditions=levels,
         adjusted_means=tuple(
-            AdjustedMean(level, float(row @ fit.params), math.sqrt(max(variance, 0.0)), df_error)
+            AdjustedMean(level, float(row @ fit.coefficients), math.sqrt(max(variance, 0.0)), df_error)
             for level, row, variance in zip(levels, means, np.diag(spread), strict=True)
         ),
         contrast_se=tuple(tuple(float(math.sqrt(max(cell, 0.0))) for cell in row) for row in variances),

@@ -1,9 +1,8 @@
-"""A folder of tables as a Frictionless data package: `datapackage.json`, Parquet beside the CSV, checksums.
+"""A folder of tables as a Frictionless data package: `datapackage.json` and checksums.
 
 The package follows version 1 of the standard (https://specs.frictionlessdata.io), which readers in Python and R take.
 Every table is one resource with a schema: a type, a description, a unit and the levels of every column, its primary
-key, and the table its rows belong to. Everything else in the folder is a resource without one. The Parquet files hold
-the same rows, with times of day as timestamps.
+key, and the table its rows belong to. Everything else in the folder is a resource without one.
 """
 
 from __future__ import annotations
@@ -11,18 +10,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
-
-import pyarrow as pa
-import pyarrow.parquet as parquet
 
 from study.export.csv_words import HOW_TO_READ
 from study.integrity.checksums import SUMS_NAME, sums_of
 from study.json_text import parse_json
 from study.records import DESCRIPTIONS, KEYS, REFERENCES, TABLES, UTC, YES_NO, ColumnInfo, columns
-from study.text_file import MOST_TABLE_BYTES, FileProblem, opened, read_text
+from study.text_file import read_text
 
 DESCRIPTOR_NAME = "datapackage.json"
 MOST_DESCRIPTOR_BYTES = 10_000_000
@@ -41,8 +36,6 @@ _FILES: Mapping[str, str] = {
 }
 
 _FRICTIONLESS_TYPES: Mapping[str, str] = {"int": "integer", "float": "number", "str": "string"}
-_PARQUET_TYPES: Mapping[str, pa.DataType] = {"int": pa.int64(), "float": pa.float64(), "str": pa.string()}
-_TIME = pa.timestamp("us", tz="UTC")
 
 
 def table_schema(table: str) -> dict[str, Any]:
@@ -164,66 +157,6 @@ def _resource(name: str, sha256: str, size: int) -> dict[str, Any]:
 def _codebook_schema() -> dict[str, Any]:
     fields = [{"name": name, "type": "string", "description": text} for name, text in CODEBOOK_COLUMNS.items()]
     return {"fields": fields, "missingValues": [""], "primaryKey": ["table", "column"]}
-
-
-class ParquetTable:
-    """One recorded table on its way into a Parquet file; a context that closes it."""
-
-    def __init__(self, path: Path, table: str) -> None:
-        self._infos = columns(table)
-        self._schema = pa.schema([_parquet_field(info) for info in self._infos])
-        self._writer = parquet.ParquetWriter(path, self._schema)
-
-    def __enter__(self) -> ParquetTable:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._writer.close()
-
-    def arrays(self, cells: Sequence[Sequence[Any]]) -> list[pa.Array]:
-        """The next rows, column by column: values or None. Raises `ValueError` for a time of day that is none, and
-        `OverflowError` or `TypeError` for a value that is not of its column's type."""
-        return [
-            pa.array(map(_time, column) if info.unit == UTC else column, type=field.type)
-            for info, field, column in zip(self._infos, self._schema, cells, strict=True)
-        ]
-
-    def add(self, arrays: Sequence[pa.Array]) -> None:
-        """Write what `arrays` has made."""
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
-
-
-def parquet_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """The rows of a Parquet file. Raises `ValueError` for one that cannot be read."""
-    try:
-        with opened(path, MOST_TABLE_BYTES, within=path.parent) as source, parquet.ParquetFile(source) as file:
-            for batch in file.iter_batches():
-                yield from batch.to_pylist()
-    except FileProblem as problem:
-        raise ValueError(problem.reason) from None
-    except (OSError, pa.ArrowException) as error:
-        raise ValueError(f"cannot be read: {' '.join(str(error).split())}") from None
-
-
-def same_in_parquet(info: ColumnInfo, value: Any, row: Mapping[str, Any]) -> bool:
-    """Whether a row of a Parquet file has this value; a column that came later is in none of before."""
-    if info.name not in row:
-        return True
-    other = row[info.name]
-    try:
-        return bool(other == (_time(value) if info.unit == UTC else value))
-    except ValueError:  # a time that is none
-        return False
-
-
-def _time(utc: str | None) -> datetime | None:
-    return None if utc is None else datetime.fromisoformat(utc.replace("Z", "+00:00"))
-
-
-def _parquet_field(info: ColumnInfo) -> pa.Field:
-    kind = _TIME if info.unit == UTC else _PARQUET_TYPES[info.type]
-    told = {"description": info.description, **({"unit": info.unit} if info.unit else {})}
-    return pa.field(info.name, kind, nullable=info.optional, metadata=told)
 
 
 def file_names() -> Iterator[str]:

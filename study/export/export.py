@@ -32,7 +32,8 @@ from study.definition.questionnaires import asked
 from study.definition.toml_reader import parse_toml
 from study.export.cell_bounds import bounds_of, within_bounds
 from study.export.csv_words import cell_of, excel_safe_cell_of, text_of
-from study.export.data_package import CODEBOOK_COLUMNS, ParquetTable, described, file_names, write_descriptor
+from study.export.data_package import CODEBOOK_COLUMNS, described, file_names, write_descriptor
+from study.export.parquet import TableBeside, has_parquet, table_beside
 from study.export.placing import put_in_place, work_folder
 from study.json_text import parse_json, whole_number
 from study.records import KEYS, SCHEMA_VERSION, TABLES, ColumnInfo, StudyError, codebook, columns
@@ -60,25 +61,29 @@ def _text(value: object) -> str:
 
 _WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
 _AS_IT_IS: Mapping[str, Any] = {**_WRITERS, "str": str}
+WITH_PARQUET = "parquet"
+"""In `meta.json` false where no Parquet was written beside the CSV; else it is not named."""
 _BATCH_ROWS = 20_000
 """Rows that are written at a time, column by column: the groups of rows in the Parquet files."""
 
 
-def _whole(cell: str) -> int:
-    """As written by an export: Python's own `int` also takes `1_000`, blanks, and other scripts' digits."""
+def whole_cell(cell: str) -> int:
+    """As written by an export: Python's own `int` also takes `1_000`, blanks, and other scripts' digits. Raises
+    `ValueError`."""
     if not cell.isascii() or not cell.removeprefix("-").isdigit():
         raise ValueError(cell)
     return whole_number(cell)
 
 
-def _finite(cell: str) -> float:
+def finite_cell(cell: str) -> float:
+    """A number that is one. Raises `ValueError`."""
     number = float(cell)
     if not math.isfinite(number) or "_" in cell:
         raise ValueError(cell)
     return number
 
 
-_PARSERS: Mapping[str, Any] = {"int": _whole, "float": _finite, "str": str}
+_PARSERS: Mapping[str, Any] = {"int": whole_cell, "float": finite_cell, "str": str}
 
 
 Told = Callable[[str, int], None]
@@ -367,7 +372,8 @@ def _write(
     head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "words": words}
     unwritten: dict[str, dict[str, int]] = {}
     counts = {table: _write_table(folder, table, tables.get(table, ()), unwritten, told, words) for table in TABLES}
-    written = [f"{table}.{extension}" for extension in ("csv", "parquet") for table in TABLES]
+    extensions = ("csv", "parquet") if has_parquet() else ("csv",)
+    written = [f"{table}.{extension}" for extension in extensions for table in TABLES]
     with (folder / "codebook.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_codebook_lines())
     texts = {"study.toml" if len(studies) == 1 else f"study-{key[:12]}.toml": text for key, text in studies.items()}
@@ -386,6 +392,8 @@ def _write(
     complete = {**head, "complete": True, "rows": counts, "studies": list(studies), **meta}
     if unwritten:
         complete["unwritten_rows"] = unwritten
+    if not has_parquet():
+        complete[WITH_PARQUET] = False
     if unreadable:
         complete["unreadable_studies"] = unreadable
     meta_json = json.dumps(complete, indent=2, sort_keys=True) + "\n"
@@ -408,7 +416,7 @@ def _write_table(
     told: Told | None,
     words: str,
 ) -> int:
-    """Write the rows as CSV and Parquet while they stream by; how many there were.
+    """Write the rows as CSV, and as Parquet where it can be, while they stream by; how many there were.
 
     A row that cannot be is left out, so that it takes nobody else's with it: `unwritten` counts them by table and
     participant, and `meta.json` says so.
@@ -421,7 +429,7 @@ def _write_table(
         told(table, 0)
     with (
         (folder / f"{table}.csv").open("w", encoding="utf-8", newline="") as file,
-        ParquetTable(folder / f"{table}.parquet", table) as parquet,
+        table_beside(folder / f"{table}.parquet", table) as parquet,
     ):
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(names)
@@ -464,7 +472,7 @@ def _writable(
     batch: list[Any],
     fields: Callable[[Any], tuple[Any, ...]],
     casts: list[Any],
-    parquet: ParquetTable,
+    parquet: TableBeside,
     unwritten: dict[str, int],
 ) -> Iterator[Any]:
     for row in batch:

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from study.definition.files_beside import MOST_STUDY_BYTES
-from study.export.data_package import descriptor_sums, file_names, parquet_rows, same_in_parquet
-from study.export.export import META_NAME, ExportError, read_meta, read_table
+from study.export.data_package import descriptor_sums, file_names
+from study.export.export import META_NAME, WITH_PARQUET, ExportError, read_meta, read_table
+from study.export.parquet import has_parquet, parquet_rows, same_in_parquet
+from study.extras import ANALYSIS, how_to_install
 from study.integrity.certificate import check_certificate
 from study.integrity.chain import Linked, ReadChain
 from study.integrity.checksums import SUMS_NAME, changed_files, check_sums
@@ -26,8 +28,11 @@ CHAIN = "chain"
 
 
 def verify_export(folder: Path) -> Verdict:
-    """Compare an export with its checksums and its chain. Raises `ExportError` for a folder that is none."""
+    """Compare an export with its checksums and its chain. Raises `ExportError` for a folder that is none, and where
+    its Parquet cannot be read for want of what reads it."""
     meta = read_meta(folder)
+    if meta.get(WITH_PARQUET) is not False and not has_parquet():
+        raise ExportError(f"{folder}: to compare its Parquet with the CSV: {how_to_install(ANALYSIS)}")
     return _Export(folder, meta).verdict()
 
 
@@ -70,7 +75,9 @@ class _Export:
             links = self._read(CHAIN, findings) or []
             chains = {who: ReadChain(who, map(Linked, rows)) for who, rows in _by_participant(links).items()}
             findings += [finding for chain in chains.values() for finding in chain.findings]
-        notes = [] if has_chain else ["written before there was a chain: rows can be compared with checksums alone"]
+        with_parquet = self._meta.get(WITH_PARQUET) is not False
+        notes = [] if with_parquet else ["written without Parquet: CSV is compared with checksums and the chain"]
+        notes += [] if has_chain else ["written before there was a chain: rows can be compared with checksums alone"]
         # Ticks come before trials, whose rows are counted from them while they run.
         for table in sorted(
             (name for name in TABLES if name != CHAIN and name in counted), key=lambda name: name == "trials"
@@ -107,7 +114,8 @@ class _Export:
             self._keys[table] = _keys(rows, KEYS[table])
         if table in REFERENCES:
             self._wanted[table] = _keys(rows, KEYS[REFERENCES[table]])
-        findings += self._parquet(table, rows)
+        if self._meta.get(WITH_PARQUET) is not False:
+            findings += self._parquet(table, rows)
         return rows
 
     def _parquet(self, table: str, rows: Sequence[Any]) -> Iterator[Finding]:

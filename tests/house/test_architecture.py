@@ -48,7 +48,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("study.parts", "study.language"),
     ("study.integrity",),
     ("study.text_file", "study.disk"),
-    ("study.records", "study.json_text"),
+    ("study.records", "study.json_text", "study.extras"),
     # the mathematics, and the robots
     ("app.autonomy", "sim"),
 )
@@ -84,10 +84,12 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "sqlite3": ("study.store",),
     "aiosqlite": (),
     "alembic": ("study.store",),
-    "pyarrow": ("study.export.data_package",),
+    "pyarrow": ("study.export.parquet",),
     "babel": ("study.language", "app.texts"),
     "matplotlib": ("study.analysis.figures", "app.report.layout_picture", "app.physics_comparison.figure"),
-    "statsmodels": ("study.analysis.linear_model", "study.analysis.hazard_model"),
+    "scipy": ("study.analysis", "app.replication.comparisons", "app.physics_comparison.equivalence"),
+    "pandas": (),
+    "statsmodels": (),
 }
 """Outside library to the rooms or modules that may import it."""
 
@@ -351,7 +353,7 @@ def test_allowed_imports_are_silent() -> None:
     )
     assert violations({"app.web.server": served}) == []
     assert violations({"sim.bullet": "import time\nimport pybullet\nfrom sim.interface import Robot"}) == []
-    assert violations({"app.trial.engine": "import scipy\nfrom sim.interface import Robot"}) == []
+    assert violations({"app.trial.engine": "import numpy\nfrom sim.interface import Robot"}) == []
     assert violations({"app.simulated.connection": "import httpx\nfrom websockets.asyncio.client import connect"}) == []
 
 
@@ -385,7 +387,8 @@ def test_every_module_a_readme_names_is_there() -> None:
 
 
 WEB_PROCESS = ("app.web", "app.lab", "app.commands", "app.__main__")
-NATIVE = ("pybullet", "mujoco", "viser", "trimesh")
+NATIVE = ("pybullet", "mujoco", "viser", "trimesh", "scipy", "matplotlib", "pyarrow")
+"""And what an installation that only serves lacks."""
 
 LOADS = """
 import importlib, json, sys

@@ -35,7 +35,7 @@ def physics(python: str, platform: str) -> list[str]:
     """The packages with physics that the installation takes there."""
     system, machine = PLATFORMS[platform]
     there = {"python_version": python, "sys_platform": system, "platform_machine": machine}
-    asked = [Requirement(line) for line in PROJECT["dependencies"]]
+    asked = [Requirement(line) for line in (*PROJECT["optional-dependencies"]["bullet"], *PROJECT["dependencies"])]
     return [
         one.name
         for one in asked

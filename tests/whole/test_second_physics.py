@@ -49,6 +49,6 @@ def test_a_robot_whose_physics_is_not_installed_is_one_line(
         start_lab("--robot", "bullet", environment=without_pybullet)
     said = str(caught.value).splitlines()[1:]
     assert said == [
-        "salab: robot 'bullet' needs pybullet, which is not installed: pip install pybullet (Python 3.10, 3.11) or "
-        "pybullet-arm64 (3.12, 3.13), or take --robot mujoco"
+        "salab: robot 'bullet' needs pybullet, which is not installed: pip install 'shared-autonomy-lab[bullet]' "
+        "(Python 3.10 to 3.13), or take --robot mujoco"
     ]
