@@ -70,10 +70,10 @@ def chosen_robots(named: Sequence[str]) -> tuple[str, ...]:
     Raises `LabError` for fewer than two, or one named twice, and `PartError` for one that is unknown or not installed.
     """
     if not named:
-        robots = tuple(name for name in ROBOTS.names if _is_installed(name))
+        lacking = {name: why for name in ROBOTS.names if (why := _lacking(name))}
+        robots = tuple(name for name in ROBOTS.names if name not in lacking)
         if len(robots) < 2:
-            lacking = ", ".join(name for name in ROBOTS.names if name not in robots)
-            raise LabError(f"only {', '.join(robots) or 'no robot'} is installed; install one of {lacking}")
+            raise LabError(f"only {', '.join(robots) or 'no robot'} is installed; {'; '.join(lacking.values())}")
         return robots
     for name in named:
         if named.count(name) > 1:
@@ -85,12 +85,12 @@ def chosen_robots(named: Sequence[str]) -> tuple[str, ...]:
     return tuple(named)
 
 
-def _is_installed(name: str) -> bool:
+def _lacking(name: str) -> str | None:
     try:
         ROBOTS.load(name)
-    except PartError:
-        return False
-    return True
+    except PartError as error:
+        return str(error)
+    return None
 
 
 def check(studies: int, participants: int, recorded: int, workers: int, of_export: bool = False) -> None:

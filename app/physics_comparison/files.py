@@ -20,6 +20,7 @@ from app.physics_comparison.rule import rule
 from app.physics_comparison.text import made_of, report
 from app.physics_comparison.words import blocked_rates, reasons, verdicts
 from app.replication.formats import write_csv
+from study.store import machine_fingerprint
 
 REPORT = "comparison.md"
 _INTERVAL: Mapping[str, str] = {
@@ -49,6 +50,7 @@ TABLES: Mapping[str, Mapping[str, str]] = {
         "ended": "contact, gripper (a button), choice (of the arbiter), refusal (of a motion), recording (its end)",
         "choices": "ticks in which the arbiter chose by itself",
         "same_choices": "of these, those in which it chose the same",
+        "why": "why it chose otherwise at the end: not allowed, tipped, unknown; blank = it did not",
         "median_mm": "median distance between the grippers",
         "p99_mm": "at 99 %",
         "most_mm": "at most",
@@ -111,7 +113,7 @@ def _attempt(one: Followed) -> tuple[Any, ...]:
     apart = np.quantile(one.apart_mm, (0.5, 0.99, 1.0)).tolist() if one.apart_mm else [math.nan] * 3
     return (
         *(one.participant, one.condition, one.trial, one.cycle, one.attempt, one.ticks, one.ended),
-        *(one.choices, one.same_choices, *apart, max(one.turned_deg, default=math.nan)),
+        *(one.choices, one.same_choices, one.why or "", *apart, max(one.turned_deg, default=math.nan)),
     )
 
 
@@ -168,6 +170,7 @@ def _everything(compared: Compared) -> Any:
         {
             "made_of": made_of(compared),
             "robots": compared.asked.robots,
+            "machine": machine_fingerprint(),
             "studies": people.studies,
             "participants": people.participants,
             "plan": people.plan.settings(),

@@ -21,10 +21,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from app.physics_comparison.choices import WHYS, Why, why_otherwise
 from app.physics_comparison.recorded import Recorded
 from app.trial.engine import TrialEngine
 from app.trial.tick_rows import RETURNING
-from app.trial.values import CycleStart, TickResult, inputs_of
+from app.trial.values import CycleStart, TickResult, TrialSetup, inputs_of
 from sim.fetch import link_poses
 from sim.interface import SLICES_PER_TICK, QuaternionWxyz, Robot, Vector3, WorldState
 from study.records import TickRow
@@ -61,6 +62,8 @@ class Followed:
     choices: int
     """Of these, and the one after them, ticks in which the arbiter chose by itself."""
     same_choices: int
+    why: Why | None
+    """Why it chose otherwise, where that is the end."""
     apart_mm: tuple[float, ...] = field(repr=False)
     """Distance between the grippers after each slice of these ticks (1/30 s)."""
     behind_mm: tuple[float, ...] = field(repr=False)
@@ -88,17 +91,20 @@ class _Beside:
         self.name = name
         self.ended: Ended | None = None
         self.ticks = self.choices = self.same_choices = 0
+        self.why: Why | None = None
         self.apart_mm: list[float] = []
         self.behind_mm: list[float] = []
         self.beside_mm: list[float] = []
         self.turned_deg: list[float] = []
 
-    def take(self, first: _Way, other: _Way) -> None:
+    def take(self, setup: TrialSetup, first: _Way, other: _Way) -> None:
         """What came of one tick on both."""
         self.ended = _parted(first, other)
         if first.result.row.source == "robot" or other.result.row.source == "robot":
             self.choices += 1
             self.same_choices += self.ended != "choice"
+        if self.ended == "choice":
+            self.why = why_otherwise(setup, first.result.row, other.result.row)
         if self.ended is not None:
             return
         self.ticks += 1
@@ -128,6 +134,7 @@ class _Beside:
             ticks=self.ticks,
             choices=self.choices,
             same_choices=self.same_choices,
+            why=self.why,
             apart_mm=tuple(self.apart_mm),
             behind_mm=tuple(self.behind_mm),
             beside_mm=tuple(self.beside_mm),
@@ -171,7 +178,7 @@ class _Attempt:
                 break
             way = self._tick(first, row)
             for one in followed:
-                one.take(way, self._tick(one.name, row))
+                one.take(self._recorded.setup, way, self._tick(one.name, row))
         return [one.told(self._recorded, self._rows[0]) for one in beside]
 
     def _tick(self, name: str, row: TickRow) -> _Way:
@@ -227,6 +234,8 @@ class Paths:
     ticks: int
     choices: int
     same_choices: int
+    why: Mapping[str, int]
+    """Why the others are others, to how many."""
     ended: Mapping[str, int]
     """Why attempts were not followed further, to how many."""
     apart_mm: tuple[float, ...] = field(repr=False)
@@ -261,6 +270,7 @@ def pooled(followed: Sequence[Followed], quantile: float) -> tuple[Paths, ...]:
                 ticks=sum(one.ticks for one in of),
                 choices=sum(one.choices for one in of),
                 same_choices=sum(one.same_choices for one in of),
+                why={why: sum(one.why == why for one in of) for why in WHYS},
                 ended={why: sum(one.ended == why for one in of) for why in ENDS},
                 apart_mm=tuple(_quantile(apart, percent / 100.0) for percent in range(101)),
                 apart_quantile_mm=_quantile(apart, quantile),

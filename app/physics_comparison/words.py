@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from app.physics_comparison.choices import WHYS
 from app.physics_comparison.closed_loop import CONTROL, OUTCOMES, REFUSED
 from app.physics_comparison.comparing import Compared
 from app.physics_comparison.equivalence import EVERY, Difference, Equivalence, Verdict
@@ -140,9 +141,8 @@ def _path_sentence(first: str, paths: Paths, speed_m_s: float) -> str:
         "its side:"
     )
     if along_mm > 2.0 * paths.beside_mm:
-        return (
-            f"{told} the same way, {late_ms:.0f} ms {'later' if paths.behind_mm > 0.0 else 'earlier'} (tracking lag)."
-        )
+        when = "later" if paths.behind_mm > 0.0 else "earlier"
+        return f"{told} the same way, {late_ms:.0f} ms {when}: the drives follow a command sooner on one of the two."
     return f"{told} the two ways themselves differ, by how the joints give way and not by lag alone."
 
 
@@ -153,10 +153,8 @@ def _choice_sentence(paths: Paths) -> str:
     same = f"{paths.same_choices} of {paths.choices} ticks in which it chose by itself ({percent(paths.same_share, 1)})"
     if not parted:
         return f"{paths.robot}: the arbiter chose the same in {same}."
-    return (
-        f"{paths.robot}: the arbiter chose the same in {same}; the {parted} other choices lie where two actions score "
-        "nearly alike, and the ways part there."
-    )
+    told = ", ".join(f"in {count} {WHYS[why]}" for why, count in paths.why.items() if count)  # type: ignore[index]
+    return f"{paths.robot}: the arbiter chose the same in {same}; of the {parted} other choices, {told}."
 
 
 def _ends_sentence(paths: Paths) -> str:

@@ -57,7 +57,7 @@ def test_a_tiny_study_on_two_robots(tmp_path: Path, capsys: pytest.CaptureFixtur
     found = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     (paths,) = found["paths"]
     assert paths["ticks"] > 50 and paths["behind_mm"] > 1.0 > paths["beside_mm"]
-    assert "later (tracking lag)" in said
+    assert "33 ms later: the drives follow" in said
     assert found["reasons"] and len(found["verdicts"]) == 1
     report = (out / "comparison.md").read_text(encoding="utf-8")
     assert all(sentence in report for sentence in found["rule"]["sentences"])
@@ -103,5 +103,5 @@ def test_a_robot_that_is_not_installed_is_named_and_passed_over_where_none_is_na
         chosen_robots(("plain", "absent"))
     assert "\n" not in str(caught.value)
     monkeypatch.setattr(comparing, "ROBOTS", with_robots({"plain": here["plain"], "absent": "no_such_physics:Robot"}))
-    with pytest.raises(LabError, match="only plain is installed; install one of absent"):
+    with pytest.raises(LabError, match=r"only plain is installed; robot 'absent' .* cannot be loaded"):
         chosen_robots(())

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from app.physics_comparison.choices import why_otherwise
 from app.physics_comparison.open_loop import Followed, angle_rad, follow, pooled
 from app.physics_comparison.recorded import Recorded, read_export
 from app.physics_comparison.rule import rule
@@ -19,12 +20,14 @@ from sim.interface import SLICE_S, Robot, RobotCommand, SceneSpec, WorldState
 from sim.kinematic import KinematicRobot
 from study.export.export import ExportError
 from study.parts.errors import PartError
+from study.records import TickRow
 from tests.support.engine_cases import (
     BACK,
     CLOSE,
     FORWARD,
     HANDS_OFF,
     LEFT,
+    RIGHT,
     UP,
     opened,
     pick_up,
@@ -86,8 +89,9 @@ def test_a_robot_that_trails_by_a_slice_is_behind_by_a_slices_way_and_not_beside
     assert math.isnan(paths.same_share), "nobody moved by itself"
 
 
-@pytest.mark.bullet
-@pytest.mark.parametrize("name", [name for name in ROBOTS.shipped if name != "kinematic"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("bullet", marks=pytest.mark.bullet), pytest.param("mujoco", marks=pytest.mark.mujoco)]
+)
 def test_an_arm_with_physics_keeps_to_the_way_by_the_rule(name: str) -> None:
     try:
         robot = ROBOTS.load(name)
@@ -96,7 +100,7 @@ def test_an_arm_with_physics_keeps_to_the_way_by_the_rule(name: str) -> None:
     (paths,) = pooled([beside(robot)], rule().quantile)
     assert paths.ticks == len(WAY)
     assert 0.0 < paths.apart_mm[100] < rule().apart_mm and paths.turned_deg[2] < rule().turned_deg
-    assert paths.behind_mm > paths.beside_mm, "it trails"
+    assert abs(paths.behind_mm) > paths.beside_mm, "it is on the way, earlier or later"
 
 
 def test_the_same_robot_is_nowhere_apart_and_its_arbiter_chooses_the_same() -> None:
@@ -106,6 +110,27 @@ def test_the_same_robot_is_nowhere_apart_and_its_arbiter_chooses_the_same() -> N
     assert set(found.apart_mm) == {0.0} and max(found.turned_deg) < 1e-12
     assert found.choices == found.same_choices == 6
     assert pooled([found], 0.99)[0].same_share == 1.0
+
+
+def alone() -> TickRow:
+    """A tick in which the arbiter took the best of all actions."""
+    setup = trial_setup("goal_oriented")
+    return run(opened(setup), (push(LEFT), HANDS_OFF, HANDS_OFF))[-1].row
+
+
+def test_what_the_arbiter_scored_higher_and_did_not_take_was_not_to_be_done() -> None:
+    setup, best = trial_setup("goal_oriented"), alone()
+    worse = replace(best, action_x=-1, action_y=-1, action_z=1)
+    assert why_otherwise(setup, best, worse) == why_otherwise(setup, worse, best) == "not allowed"
+    assert why_otherwise(setup, *[replace(row, source="user") for row in (best, worse)]) == "unknown"
+    assert why_otherwise(setup, best, replace(worse, action_x=None)) == "unknown"
+
+
+def test_where_each_prefers_its_own_the_states_have_tipped_it() -> None:
+    setup = trial_setup("goal_oriented")
+    here, there = (run(opened(setup), (*[push(side)] * 8, *[HANDS_OFF] * 3))[-1].row for side in (LEFT, RIGHT))
+    assert (here.action_x, here.action_y, here.action_z) != (there.action_x, there.action_y, there.action_z)
+    assert why_otherwise(setup, here, there) == "tipped"
 
 
 def test_they_part_where_a_motion_is_refused_on_one() -> None:
