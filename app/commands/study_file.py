@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +22,7 @@ from study.extras import missing_extra
 
 if TYPE_CHECKING:
     from sim.layouts import Layout
+    from study.definition.study import Study
     from study.parts.code import Code
 
 commands = typer.Typer()
@@ -105,6 +106,8 @@ def check(
     print(shown(f"{file}: fine. {overview(study)}. SHA-256 {study.hash}"))
     for line in notes_on_texts(study, file):
         print(shown(line))
+    for line in notes_on_look(study):
+        print(line)
     held = held_codes(file)
     for code in study.codes:
         print(code_line(code, trust, file.parent, code in held))
@@ -117,6 +120,19 @@ def check(
         print(calibration_text(setup.calibration))
     _draw(setup.layout, file, picture)
     return 0
+
+
+def notes_on_look(study: Study) -> Iterator[str]:
+    """What is to be known of how the robot would be drawn on this machine."""
+    from app.trial.robots import look_here, why_no_look
+
+    if missing := why_no_look(study.view):
+        yield f"It cannot be served on this machine: {missing}."
+    if study.view.look == "installed":
+        yield (
+            f"It leaves open how the robot looks (on this machine: {look_here(study.view)}). Under [view], "
+            'look = "own" or "published" shows everybody the same.'
+        )
 
 
 def _write_with_arbiter(file: Path, study_text: str, arbiter: str) -> None:

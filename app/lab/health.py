@@ -4,7 +4,7 @@ store        what is acknowledged is on disk     ┐
 data_folder  the data folder is where it was     ├ healthy: a person has to act when one fails
 workers      a session gets its process          ┘
 room         there is room for more data         ┐ ready, with all of the above: new people can begin
-scene        the robot's look is prepared        ┘
+scene        the robot looks as the study says   ┘
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Health:
     """The checks of one lab. `watch` keeps them up to date.
 
     `trouble` is the store's condition. `probes` may block: each has a thread of its own. `prepare_scene` is done once
-    and says what to tell of it; None where there is no scene.
+    and says what is wrong with it; None where there is no scene.
     """
 
     def __init__(
@@ -112,8 +112,7 @@ class Health:
     def _prepared(self, done: asyncio.Future[str]) -> None:
         told = "" if done.cancelled() else "" if done.exception() else done.result()
         self._reasons["scene"] = ""
-        if told:
-            log.warning("the scene is prepared", extra=about(note=told))
+        self._found("scene", told)
 
     def _found(self, name: CheckName, reason: str) -> None:
         before, self._reasons[name] = self._reasons[name], reason

@@ -31,7 +31,7 @@ from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
 from app.trial.guarded_distractor import GuardedDistractor
-from app.trial.robots import chosen_robot, robot_facts
+from app.trial.robots import chosen_robot, look_here, robot_facts, why_no_look
 from app.trial.setup import StudySetup, setup_to_end, study_setup
 from app.trial.world import open_study, parse_stored
 from app.wire import client_message
@@ -156,7 +156,7 @@ class Lab:
         self.health = Health(
             lambda: self.store.trouble,
             {"workers": lambda: why_no_process(self._workers), "room": lambda: why_no_room(config.data_dir)},
-            (lambda: prepared_scene(self._workers)) if config.scene else None,
+            (lambda: prepared_scene(self._workers, self.setup.study.view)) if config.scene else None,
             ANSWER_WITHIN_S + self._workers.allowance_s,
         )
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
@@ -169,12 +169,14 @@ class Lab:
         """What can go wrong before anything is served: the study file, the robot, the data folder.
 
         Raises `StudyError` (of which the errors of study file, parts and store are kinds), or `LabError` for a robot
-        that cannot be made.
+        that cannot be made, or cannot be drawn as the study says.
         """
         check_strength(self.experimenter_token)
         if self.metrics_token is not None:
             check_strength(self.metrics_token, "the metrics' token")
         study = open_study(self.config.study_file, self.config.trust)
+        if self.config.scene and (reason := why_no_look(study.view)):
+            raise LabError(reason)
         self._studies[study.hash] = study
         self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
         self._workers.warm_up(self.robot.name)
@@ -204,7 +206,10 @@ class Lab:
             log.warning("who ends gets no certificate: put the key of a backup back", extra=about(reason=reason))
         if self.robot.note:
             log.warning("another robot moves than usual", extra=about(reason=self.robot.note))
-        log.info("the lab serves", extra=about(robot=self.robot.name, pace=self.config.pace, scene=self.config.scene))
+        known = about(robot=self.robot.name, look=self.look, pace=self.config.pace, scene=self.config.scene)
+        log.info("the lab serves", extra=known)
+        if self.config.scene and self.setup.study.view.look == "installed":
+            log.warning("the study file leaves open how the robot looks", extra=about(look=self.look))
 
     async def close(self) -> None:
         """End every worker and close the store. Sessions go on where they were when a lab opens again."""
@@ -233,6 +238,11 @@ class Lab:
         if self._setup is None:
             raise LabError("the lab is not prepared; call prepare() first")
         return self._setup
+
+    @property
+    def look(self) -> str:
+        """How the robot is drawn for new participants; `none` without a scene."""
+        return look_here(self.setup.study.view) if self.config.scene else "none"
 
     # ---- who may do what ----------------------------------------------------------------------------------------
 

@@ -289,7 +289,12 @@ class Transitions:
         link.ready, link.scene_port = True, report.scene_port
         context.running.ready(report)
         phase, _ = context.session.worker or ("", 0)
-        events = [context.event("robot", "lab", {**context.services.ran_on, "phase": phase})]
+        told = {
+            **context.services.ran_on,
+            **report.look,
+            **({"look_note": report.look_note} if report.look_note else {}),
+        }
+        events = [context.event("robot", "lab", {**told, "phase": phase})]
         if report.mismatch is not None:
             events.append(context.event("replay_mismatch", "robot", {"tick": report.mismatch}))
         await context.commit(Batch(events=tuple(events)))

@@ -77,13 +77,36 @@ def robot_facts(name: str) -> dict[str, str]:
     return {"robot": name, "package": code.package, "version": code.version, "sha256": code.sha256}
 
 
+def why_no_look(view: ViewSettings) -> str:
+    """Why the robot cannot be drawn here as a study says, and what to do about it, in one line; "" when it can."""
+    from sim.view.published import why_missing
+
+    missing = why_missing() if view.look == "published" else ""
+    return missing and f'[view] look = "published": {missing}, or let the study file say look = "own"'
+
+
+def look_here(view: ViewSettings) -> str:
+    """How the robot is drawn on this machine: `own` or `published`."""
+    from sim.view.looks import chosen
+
+    return chosen(view.look)
+
+
+def prepared_look(view: ViewSettings) -> str:
+    """Have what the robot looks like made ready where it is not; why another look is drawn, "" for none."""
+    from sim.view.looks import robot_look
+
+    return robot_look(view.look).note
+
+
 def make_scene(cues: ViewSettings) -> SceneView:
-    """The 3-D view of one session, with what the study shows of depth."""
+    """The 3-D view of one session, as the study has it drawn."""
     from sim.view.scene import SceneOptions, SceneView
     from sim.view.viewpoints import INSET
 
     inset = INSET if cues.inset else None
-    return SceneView(options=SceneOptions(plumb_line=cues.drop_mark, marked=cues.ring, inset=inset))
+    options = SceneOptions(look=cues.look, plumb_line=cues.drop_mark, marked=cues.ring, inset=inset)
+    return SceneView(options=options)
 
 
 def make_spectator_view(beside: SceneView) -> SpectatorView:

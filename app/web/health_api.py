@@ -25,7 +25,7 @@ class CheckReply(BaseModel):
 
     name: CheckName
     """`store`: what is acknowledged is on disk; `data_folder`: it is where it was; `workers`: a session gets its
-    process; `room`: there is room for more data; `scene`: the robot's look is prepared."""
+    process; `room`: there is room for more data; `scene`: the robot looks as the study says."""
     reason: str
     """What is wrong and what helps; "" while it is well."""
 
@@ -59,6 +59,8 @@ class HealthReply(BaseModel):
     """Which robot moves."""
     robot_note: str
     """What to know of that choice: whose physics is not installed, so that another's moves it; "" for nothing."""
+    look: str
+    """How it is drawn for new participants: `own`, `published`, or `none` without a scene."""
     detail: str
     """What is wrong, in one line; "" for nothing."""
     checks: list[CheckReply]
@@ -89,6 +91,7 @@ async def health(lab: TheLab, response: Response) -> HealthReply:
         study=lab.setup.study.title,
         robot=lab.robot.name,
         robot_note=lab.robot.note,
+        look=lab.look,
         detail=_detail(checks),
         checks=_replies(checks),
     )

@@ -59,7 +59,7 @@ CLOSE_TOO_BIG = 1009
 CLOSE_TRY_LATER = 1013
 
 # The page's own background shows through the canvas; a soft light above, the floor's colour below.
-_LOOK = """
+PICTURE_STYLE = """
 html, body, #root { background: radial-gradient(120% 90% at 50% 30%, #5b6672 0%, #3c444e 55%, #2a3038 100%) !important;
   overflow: hidden; }
 body { user-select: none; }
@@ -240,7 +240,7 @@ def patched(html: str, steered: bool = False) -> str:
     script = _SCRIPT + _PICTURE_SCRIPT + (_STEERED_SCRIPT if steered else _FIXED_SCRIPT)
     for name, value in filled.items():
         script = script.replace(name, f"{value:g}")
-    style = _LOOK + ("" if steered else _FIXED_LOOK)
+    style = PICTURE_STYLE + ("" if steered else _FIXED_LOOK)
     return f"{before}{head}<script>{script}</script><style>{style}</style>{after}"
 
 

@@ -121,6 +121,10 @@ class Ready:
     world: WorldInNumbers
     finished: bool
     mismatch: int | None
+    look: Mapping[str, str] = field(default_factory=dict)
+    """Which look of the robot the scene shows, for the record; nothing without a scene."""
+    look_note: str = ""
+    """Why that is not the one that the study says; "" when it is."""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,12 @@ Each blocks, and is asked on a thread of its own.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 
+from app.trial.robots import prepared_look
 from app.worker.process_source import ProcessSource
+from study.definition.sections import ViewSettings
 
 START_WITHIN_S = 10.0
 """A fork server may have to be started anew, with its imports."""
@@ -29,12 +32,12 @@ def why_no_process(source: ProcessSource, within_s: float = START_WITHIN_S) -> s
         return f"a process for a session cannot be started: {error.strerror or error}"
 
 
-def prepared_scene(source: ProcessSource, within_s: float = BAKE_WITHIN_S) -> str:
-    """Have the robot's look made ready where it is not; what to tell of it, "" for nothing."""
+def prepared_scene(source: ProcessSource, view: ViewSettings, within_s: float = BAKE_WITHIN_S) -> str:
+    """Have the robot's look made ready where it is not; what is wrong with it, "" for nothing."""
     try:
-        return _ask(source, _prepare, within_s) or ""
-    except (EOFError, OSError) as error:
-        return f"the robot's look could not be prepared: {error}"
+        return _ask(source, partial(_prepare, view=view), within_s) or ""
+    except (EOFError, OSError):
+        return ""  # why is told by `why_no_process`; the first session makes it ready
 
 
 def _ask(source: ProcessSource, target: Callable[[Connection], None], within_s: float) -> str | None:
@@ -59,7 +62,5 @@ def _answer(connection: Connection) -> None:
     connection.send("")
 
 
-def _prepare(connection: Connection) -> None:
-    from sim.view.assets import robot_look
-
-    connection.send(robot_look().note or "")
+def _prepare(connection: Connection, view: ViewSettings) -> None:
+    connection.send(prepared_look(view))

@@ -35,7 +35,7 @@ BUSY_S = 20.0
 IMPORTS_S = 30.0
 """So much longer a process may take that makes its imports itself: 2 s on a quick machine, ten times that from a cold
 disk with a virus scanner."""
-PRELOADED = ("app.worker.worker", "sim.view.scene", "sim.view.spectator")
+PRELOADED = ("app.worker.worker", "sim.view.scene", "sim.view.spectator", "sim.view.ready")
 
 
 class ProcessesHang(LabError):

@@ -22,6 +22,7 @@ import logging
 import math
 import signal
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -143,7 +144,7 @@ class Worker:
         port = self._scene.open() if self._scene else None
         self._draw()
         self._connection.send(
-            Ready(port, self._engine.view(), self._world_in_numbers(), self._engine.finished, mismatch)
+            Ready(port, self._engine.view(), self._world_in_numbers(), self._engine.finished, mismatch, *self._look())
         )
         while not self._stopping:
             self._live()
@@ -153,6 +154,16 @@ class Worker:
                 self._tend_views()
             else:
                 self._pace()
+
+    def _look(self) -> tuple[Mapping[str, str], str]:
+        """What the scene shows of the robot, and why it is not what the study says."""
+        look = self._scene.look if self._scene is not None else None
+        if look is None:
+            return {}, ""
+        if look.note:
+            fields = about(participant=self._spec.setup.participant, note=look.note)
+            log.warning("the robot is drawn otherwise than the study says", extra=fields)
+        return look.facts, look.note
 
     def _rerun(self) -> int | None:
         mismatch = None

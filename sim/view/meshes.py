@@ -202,15 +202,6 @@ def rod(start_m: Sequence[float], end_m: Sequence[float], radius_m: float, color
     return straight.turned(frame).moved(start)
 
 
-def capsule(start_m: Sequence[float], end_m: Sequence[float], radius_m: float, color: Rgb) -> Mesh:
-    """A rod with a ball at each end."""
-    return merge(
-        rod(start_m, end_m, radius_m, color, n=16),
-        ball(radius_m, color).moved(start_m),
-        ball(radius_m, color).moved(end_m),
-    )
-
-
 def ball(radius_m: float, color: Rgb, *, n: int = 14) -> Mesh:
     """A sphere about the origin."""
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, n // 2 + 1)
@@ -235,6 +226,11 @@ def glow(radius_m: float, color: Rgb, alpha: float, *, n: int = 24, squash: floa
 def linear_rgb(srgb: FloatArray) -> FloatArray:
     """Display colours to the linear ones a GLB stores (IEC 61966-2-1)."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def display_rgb(linear: FloatArray) -> FloatArray:
+    """The way back of `linear_rgb`."""
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1.0 / 2.4) - 0.055)
 
 
 def to_glb(mesh: Mesh, material: Material = "lit") -> bytes:

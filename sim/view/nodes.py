@@ -18,6 +18,7 @@ from typing import Any
 import viser
 
 from sim.interface import QuaternionWxyz, SimError, Vector3
+from sim.view import light
 from sim.view.meshes import Material, Mesh, cap_glb, to_glb
 from sim.view.viewpoints import INSET, CameraView, FollowingView
 
@@ -125,9 +126,9 @@ class NodeServer:
             scene.configure_environment_map(None)
             scene.configure_default_lights(False)
             scene.add_light_hemisphere(
-                "/light/sky", sky_color=(255, 255, 255), ground_color=(120, 120, 130), intensity=1.7
+                "/light/sky", sky_color=light.SKY, ground_color=light.GROUND, intensity=light.SKY_INTENSITY
             )
-            scene.add_light_directional("/light/key", intensity=2.3, position=(-1.2, 1.6, 3.0))
+            scene.add_light_directional("/light/key", intensity=light.KEY_INTENSITY, position=light.KEY_FROM_M)
 
     def close(self) -> None:
         """Stop it; may be called twice."""

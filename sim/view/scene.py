@@ -25,7 +25,7 @@ from types import TracebackType
 from sim import fetch
 from sim.interface import ObjectSpec, Pose, QuaternionWxyz, SceneSpec, SimError, Vector3, WorldState
 from sim.view import props
-from sim.view.assets import RobotLook, robot_look
+from sim.view.looks import AskedLook, RobotLook, robot_look
 from sim.view.nodes import NodeServer
 from sim.view.viewpoints import DEFAULT_VIEW, VIEWS, CameraView, FollowingView
 
@@ -34,7 +34,10 @@ LinkPoses = Callable[[Sequence[float], float], Mapping[str, tuple[Vector3, Quate
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What is drawn besides the world itself."""
+    """How the robot is drawn, and what besides the world itself."""
+
+    look: AskedLook = "own"
+    """Which of the robot's looks, where none is given."""
 
     plumb_line: bool = True
     """A line from the gripper down to the surface below it: how deep, how high."""
@@ -82,7 +85,7 @@ class SceneView:
     Args:
         link_poses: forward kinematics, `(joints_rad, finger_opening_m) -> {link: (position, wxyz)}` in the world;
             the Fetch's when None.
-        look: the robot's meshes; baked or read from the cache at `open()` when None.
+        look: the robot's meshes; those that the options name, made or read at `open()`, when None.
         options: what is drawn besides the world.
         clock: seconds, for the tween only.
     """
@@ -117,7 +120,7 @@ class SceneView:
         """Start the server on a free port of 127.0.0.1 and return the port. May be called again."""
         if self.server.is_open:
             return self.server.port
-        self._look = robot_look() if self._look is None else self._look
+        self._look = robot_look(self._options.look) if self._look is None else self._look
         self.server.open()
         with self.server.batch():
             for link, model in self._look.glb_by_link.items():
@@ -130,11 +133,6 @@ class SceneView:
         """Stop the server; may be called twice."""
         self.server.close()
         self._fixed_key = None
-
-    @property
-    def note(self) -> str | None:
-        """Why simple shapes stand in for the Fetch's meshes, else None. Known after `open()`."""
-        return None if self._look is None else self._look.note
 
     @property
     def look(self) -> RobotLook | None:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 from sim.interface import Pose, SceneSpec, Vector3, WorldState
 from sim.view import props
-from sim.view.assets import RobotLook
+from sim.view.looks import RobotLook
 from sim.view.scene import SceneOptions, SceneView
 from sim.view.viewpoints import SPECTATOR
 
@@ -27,7 +27,7 @@ class SpectatorView:
     """The experimenters' picture of one session. All methods belong to the thread that made it.
 
     Args:
-        look: the robot's meshes; read or baked at `open()` when None.
+        look: the robot's meshes; the lab's own when None.
     """
 
     def __init__(self, look: RobotLook | None = None) -> None:

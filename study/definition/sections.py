@@ -192,10 +192,13 @@ class RobotSettings(Part):
 
 
 class ViewSettings(Part):
-    """What helps the participant to see depth. Each is the same under every condition, and does not depend on what the
-    robot believes. A study of depth itself may do without. A file that says nothing means what it meant before there
-    were the inset and the ring."""
+    """How the robot looks, and what helps the participant to see depth. Each is the same under every condition and for
+    everybody, and does not depend on what the robot believes. A study of depth itself may do without. A file that says
+    nothing of it means what it meant before there were the inset, the ring and the looks."""
 
+    look: Literal["own", "published", "installed"] = "installed"
+    """How the robot is drawn: `own` is the lab's own look, `published` the Fetch's published meshes (CC BY-NC-SA 4.0),
+    which have to be installed (the extra `meshes`); `installed` is these where they are installed, else the own."""
     inset: Flag = False
     """Whether the side panel shows a second picture, from the side, that goes where the gripper goes."""
     ring: Flag = False

@@ -82,6 +82,8 @@ class RanOn(Told):
     package: str = ""
     version: str = ""
     sha256: str = ""
+    look: str = ""
+    """How the robot was drawn; "" = recorded before there were looks, or nothing was drawn."""
 
 
 class Received(Told):

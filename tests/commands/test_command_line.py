@@ -17,6 +17,7 @@ import pytest
 from app.__main__ import main
 from app.commands.serve import listen
 from app.config import LabConfig, public_url
+from sim.view import published
 from study.export.export import read_table
 from study.flow.roster import EnrolmentKind
 from study.store import open_store
@@ -138,6 +139,17 @@ def test_an_invalid_study_file_tells_every_mistake_with_its_place(
     assert "study.toml" in said
     assert "arc" in said and "rows" in said  # the layouts there are
     assert "second_device" in said and "same_page_away" in said
+    assert not (tmp_path / "data" / "lab.sqlite").exists()
+
+
+def test_a_look_that_is_not_installed_is_refused_before_anything_is_served(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(published, "published_meshes_dir", lambda: None)
+    study = write_study(tmp_path, {'look = "own"': 'look = "published"'})
+    given = ("--port", "0", "--data", str(tmp_path / "data"), "--study", str(study), "--robot", "kinematic")
+    said = fails(capsys, "serve", *given)
+    assert said.count("\n") == 1 and 'look = "published"' in said and "extra `meshes`" in said
     assert not (tmp_path / "data" / "lab.sqlite").exists()
 
 

@@ -11,6 +11,7 @@ from frictionless import validate
 
 from app.trial.setup import study_setup
 from app.trial.world import open_study
+from sim.view import published
 from study.definition.study import DEFAULT_STUDY
 from study.export.export import read_meta, read_table
 from study.flow.overview import expected_minutes, overview
@@ -79,6 +80,22 @@ def test_a_file_without_mistakes_is_summed_up_with_its_hash_and_weight(capsys: p
     )
     for band in calibration.in_use:
         assert f"{band.information_leads:.0%}" in weight and f"{band.states:.0%} of states" in weight
+
+
+def test_a_look_that_is_left_open_or_cannot_be_had_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(published, "published_meshes_dir", lambda: None)
+    run(capsys, "new", "mine")
+    text = Path("mine.toml").read_text(encoding="utf-8").replace('alpha = "calibrated"', "alpha = 300.0")
+    for look, told in (
+        ('look = "installed"', "It leaves open how the robot looks (on this machine: own). "),
+        ("", "It leaves open how the robot looks (on this machine: own). "),
+        ('look = "published"', 'It cannot be served on this machine: [view] look = "published": '),
+    ):
+        Path("mine.toml").write_text(text.replace('look = "own"', look), encoding="utf-8")
+        status, said, _ = run(capsys, "check", "mine.toml")
+        assert status == 0 and said.splitlines()[1].startswith(told)
 
 
 def test_alpha_on_states_at_random_is_told_with_its_shares(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,12 +23,12 @@ from app.trial.world import open_study
 from sim.interface import Pose
 from sim.layouts import scene
 from sim.view import props
-from sim.view.assets import simple_look
+from sim.view.looks import own_look
 from sim.view.meshes import to_glb
 from sim.view.scene import SceneView
 from study.definition.toml_reader import parse_toml
 from study.export.export import read_table
-from tests.sim.view.test_assets import box_of
+from tests.sim.view.test_meshes import box_of
 from tests.support.lab_server import LabServer
 from tests.support.wire_client import invite
 
@@ -109,7 +109,7 @@ def test_its_objects_are_drawn_at_their_size_and_stay_in_the_bins() -> None:
     for item in layout.bins:
         blank = replace(item, letter="")
         assert len(props.bin_mesh(item).faces) > len(props.bin_mesh(blank).faces), "its letter is on it"
-    with SceneView(look=simple_look("a note")) as view:
+    with SceneView(look=own_look()) as view:
         view.open()
         view.show(scene(layout, OBJECTS, OBJECTS[1:]), {"mug": Pose((0.51, 0.48, 0.05))})
         assert {f"/object/{name}" for name in OBJECTS} <= set(view.server.nodes)

@@ -114,7 +114,7 @@ async def test_a_probe_that_raises_is_a_reason_and_no_end_of_looking() -> None:
 
 async def test_the_lab_is_not_ready_before_the_robot_can_be_drawn() -> None:
     drawn = threading.Event()
-    health = Health(lambda: None, {}, lambda: "simple shapes are drawn" if drawn.wait(20) else "never")
+    health = Health(lambda: None, {}, lambda: "" if drawn.wait(20) else "never")
     assert reason(health, "scene") == "the robot's look is being prepared"
     async with watched(health):
         await asyncio.sleep(0)
@@ -122,6 +122,12 @@ async def test_the_lab_is_not_ready_before_the_robot_can_be_drawn() -> None:
         drawn.set()
         await until(lambda: reason(health, "scene") == "")
     assert reason(Health(lambda: None, {}), "scene") == ""
+
+
+async def test_a_lab_that_draws_another_robot_than_the_study_says_is_not_ready() -> None:
+    health = Health(lambda: None, {}, lambda: "the lab's own look is drawn instead")
+    async with watched(health):
+        await until(lambda: reason(health, "scene") == "the lab's own look is drawn instead")
 
 
 def test_a_disk_that_is_nearly_full_takes_nobody_new(tmp_path: Path) -> None:

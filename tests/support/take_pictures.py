@@ -21,10 +21,12 @@ from app.report.layout_picture import write_layout_picture
 from app.simulated.pilot import Pilot
 from app.trial.world import layout_of, open_study
 from sim.interface import TICK_S
+from sim.view.published import why_missing
 from tests.conftest import CHROMIUM_ARGUMENTS
 from tests.support import chromium
 from tests.support import lab_server as labs
 from tests.support.browser_person import BrowserPerson
+from tests.support.look_pictures import NEAR, WHOLE, side_by_side
 from tests.support.study_samples import shipped_study
 from tests.support.wire_client import COMPREHENSION, OPEN, invite, write_study
 
@@ -214,12 +216,23 @@ def layout(camera: Camera, folder: Path) -> None:
     keep("layout", (folder / "layout.png").read_bytes())
 
 
+def looks(camera: Camera, folder: Path) -> None:
+    """The robot's two looks side by side. Wants the extra `meshes`."""
+    if missing := why_missing():
+        raise SystemExit(f"looks: {missing}")
+    page = camera.page()
+    keep("looks", side_by_side(page, WHOLE))
+    keep("looks_near", side_by_side(page, NEAR))
+    page.context.close()
+
+
 PARTS: Mapping[str, Callable[[Camera, Path], None]] = {
     "participant": participant,
     "second_device": second_device,
     "open_link": open_link,
     "report": report,
     "layout": layout,
+    "looks": looks,
 }
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from app.errors import LabError
-from app.trial.robots import ROBOTS, ChosenRobot, chosen_robot, make_robot
+from app.trial.robots import ROBOTS, ChosenRobot, chosen_robot, look_here, make_robot, why_no_look
 from app.worker.process_source import process_source
+from sim.view import published
+from study.definition.sections import ViewSettings
 from study.parts.errors import PartError
 from study.parts.registry import Registry
 from tests.support.outside_package import ROBOT, install
@@ -115,6 +117,16 @@ def test_a_name_that_is_taken_is_refused_whoever_asks(site: Path, registry: Regi
         PartError, match=r"outside-robots registers robot 'kinematic', which is sim\.kinematic:.* already"
     ):
         _ = registry.names
+
+
+def test_a_look_that_cannot_be_had_is_one_line_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(published, "published_meshes_dir", lambda: None)
+    told = why_no_look(ViewSettings(look="published"))
+    assert "\n" not in told and "rtb-data" in told and "extra `meshes`" in told and 'look = "own"' in told
+    assert why_no_look(ViewSettings(look="own")) == why_no_look(ViewSettings(look="installed")) == ""
+    assert look_here(ViewSettings(look="installed")) == "own"
+    monkeypatch.setattr(published, "why_missing", lambda: "")
+    assert why_no_look(ViewSettings(look="published")) == ""
 
 
 def test_a_robot_that_cannot_be_made_is_told_before_anything_is_served() -> None:

@@ -143,3 +143,4 @@ def test_a_study_file_of_before_goes_on_meaning_what_it_did() -> None:
     assert (cycle.bin, cycle.scene.objects[0].base_world_m[:2]) == (None, (0.82, 0.0))
     assert of_practice(setup.distractor, study).advance(600.0, lambda _: Stimulus("1"))[1] == ()
     assert (study.view.inset, study.view.ring, study.view.drop_mark) == (False, False, True)
+    assert parse_study(text.replace('look = "own"', "")).view.look == "installed"

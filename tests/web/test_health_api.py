@@ -61,10 +61,11 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
 
 def test_a_lab_that_is_well_says_so_to_everybody(quick_lab: LabServer) -> None:
     told = get(quick_lab, "health").json()
-    assert {name: told[name] for name in ("status", "study", "robot")} == {
+    assert {name: told[name] for name in ("status", "study", "robot", "look")} == {
         "status": "ok",
         "study": "Moving objects with a robot arm",
         "robot": "kinematic",
+        "look": "none",
     }
     assert get(quick_lab, "health/live").json() == {"status": "ok"}
     ready = get(quick_lab, "health/ready")

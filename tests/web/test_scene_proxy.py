@@ -31,7 +31,7 @@ from websockets.typing import Subprotocol
 
 from app.web import scene_proxy
 from app.web.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
-from sim.view.assets import simple_look
+from sim.view.looks import own_look
 from sim.view.scene import SceneView
 from sim.view.viewpoints import INSET
 from tests.sim.view.test_scene import SIX, joined, world
@@ -281,8 +281,8 @@ class Served:
 
 @contextmanager
 def opened_view() -> Iterator[SceneView]:
-    """A view of six objects; simple shapes, since the meshes are no matter here."""
-    with SceneView(look=simple_look()) as view:
+    """A view of six objects; the robot looks as the lab draws it."""
+    with SceneView(look=own_look()) as view:
         view.open()
         view.show(SIX)
         view.update(world(SIX))

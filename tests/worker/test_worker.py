@@ -32,6 +32,7 @@ from app.worker.messages import (
 from app.worker.worker import run as run_worker
 from sim.interface import SLICE_S, SLICES_PER_TICK, TICK_S
 from sim.kinematic import KinematicRobot
+from sim.view.looks import RobotLook
 from study.parts.errors import PartError
 from tests.support.arbiter_cases import CONDITIONS
 from tests.support.engine_cases import (
@@ -322,6 +323,8 @@ class Screen:
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
 
+    look = RobotLook("own", {"gripper_link": b"glTF"}, "the published one is not installed")
+
     def open(self) -> int:
         return 4711
 
@@ -346,7 +349,9 @@ def test_the_scene_shows_every_slice_and_each_cycle_s_own_table(monkeypatch: pyt
     schedule = [*beats(0.0, 9.0), (1.0, Begin()), (1.1, SetView("top")), (2.4, Stop())]
     lost = StagedRobot({1: lambda robot: robot.put("spray_bottle", (0.77, 0.70, 0.1))})
     sent = simulate(monkeypatch, spec(), lost, schedule, screen)
-    assert of(sent, Ready)[0].scene_port == 4711
+    (ready,) = of(sent, Ready)
+    assert ready.scene_port == 4711
+    assert (ready.look, ready.look_note) == (Screen.look.facts, Screen.look.note), "what is drawn is reported"
     shown = [call for call in screen.calls if call[0] == "show"]
     assert [len(objects) for _, objects, _ in shown] == [6, 5]
     updates = [call[1] for call in screen.calls if call[0] == "update"]

@@ -13,7 +13,7 @@ from app.contracts.driving import START_JOINTS_RAD
 from sim import fetch
 from sim.interface import ObjectState, Pose, SceneSpec, SimError, WorldState
 from sim.layouts import practice_scene, scene
-from sim.view.assets import simple_look
+from sim.view.looks import own_look
 from sim.view.scene import SceneOptions, SceneView
 from sim.view.viewpoints import DEFAULT_VIEW, INSET, VIEWS
 from tests.support.shipped_world import ARC, STUDY_OBJECTS
@@ -61,7 +61,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def view(clock: Clock) -> Iterator[SceneView]:
-    with SceneView(look=simple_look("a note"), clock=clock) as opened:
+    with SceneView(look=own_look(), clock=clock) as opened:
         opened.open()
         yield opened
 
@@ -177,7 +177,7 @@ def test_the_plumb_line_ends_on_what_is_below(view: SceneView) -> None:
 
 
 def test_depth_cues_can_be_left_out_and_nothing_is_marked_unasked() -> None:
-    with SceneView(look=simple_look(), options=SceneOptions(plumb_line=False, shadows=False)) as bare:
+    with SceneView(look=own_look(), options=SceneOptions(plumb_line=False, shadows=False)) as bare:
         bare.open()
         bare.show(SIX)
         bare.mark("sponge_pack")
@@ -188,7 +188,7 @@ def test_depth_cues_can_be_left_out_and_nothing_is_marked_unasked() -> None:
 
 
 def test_a_study_may_mark_the_instructed_thing() -> None:
-    with SceneView(look=simple_look(), options=SceneOptions(marked=True)) as marking:
+    with SceneView(look=own_look(), options=SceneOptions(marked=True)) as marking:
         marking.open()
         marking.show(SIX)
         marking.mark("sponge_pack")
@@ -219,7 +219,7 @@ def test_after_a_reset_the_arm_glides_home(clock: Clock) -> None:
 
     away = (0.8, *START_JOINTS_RAD[1:])
     options = SceneOptions(reset_tween_s=1.0)
-    with SceneView(link_poses, simple_look(), options, clock) as view, ViserClient(view.open()):
+    with SceneView(link_poses, own_look(), options, clock) as view, ViserClient(view.open()):
         joined(view)
         view.show(SIX)
         view.update(world(SIX, away))
@@ -237,7 +237,7 @@ def test_what_nobody_sees_is_not_drawn_and_whoever_comes_sees_how_it_is_now() ->
         asked.append(joints_rad[0])
         return fetch.link_poses(joints_rad, opening_m)
 
-    with SceneView(link_poses, simple_look()) as view:
+    with SceneView(link_poses, own_look()) as view:
         view.open()
         view.show(SIX)
         for turned_rad in (0.0, 0.3, 0.6):
@@ -286,7 +286,7 @@ def test_a_narrow_window_gets_a_wider_lens(view: SceneView) -> None:
 
 @pytest.fixture
 def with_inset(clock: Clock) -> Iterator[SceneView]:
-    with SceneView(look=simple_look(), options=SceneOptions(inset=INSET), clock=clock) as opened:
+    with SceneView(look=own_look(), options=SceneOptions(inset=INSET), clock=clock) as opened:
         opened.open()
         opened.show(SIX)
         opened.update(world(SIX))
@@ -363,7 +363,6 @@ def test_misuse_is_told(view: SceneView) -> None:
     view.show(SIX)
     with pytest.raises(SimError, match=r"'teapot'.*sponge_pack"):
         view.update(world(SIX), {"teapot": Pose((0, 0, 0))})
-    assert view.note == "a note"
     view.close()
     view.close()
     with pytest.raises(SimError, match="not open"):

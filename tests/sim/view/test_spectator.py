@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import re
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,7 +28,7 @@ from app.worker.spectator_view import EVERY_SLICES, OnDemandView
 from sim.interface import SLICES_PER_TICK
 from sim.kinematic import KinematicRobot
 from sim.layouts import scene
-from sim.view.assets import simple_look
+from sim.view.looks import own_look
 from sim.view.scene import SceneView
 from sim.view.spectator import FULL_M, SpectatorView
 from sim.view.viewpoints import SPECTATOR
@@ -46,7 +49,7 @@ BELIEF = {name: (0.5 if name == "sponge_pack" else 0.1) for name in (placed.spec
 def shown_to_a_participant(with_spectator: bool) -> dict[tuple[str, str], str]:
     """What a participant's browser was last told of each thing, over a few slices. (Of what comes in quick succession
     viser sends the newest alone.)"""
-    with SceneView(look=simple_look()) as view, SpectatorPart(with_spectator) as spectator:
+    with SceneView(look=own_look()) as view, SpectatorPart(with_spectator) as spectator:
         view.open()
         view.show(SIX)
         view.update(world(SIX))
@@ -70,7 +73,7 @@ class SpectatorPart:
     """A spectator's view beside, or nothing."""
 
     def __init__(self, wanted: bool) -> None:
-        self.view = SpectatorView(simple_look()) if wanted else None
+        self.view = SpectatorView(own_look()) if wanted else None
 
     def __enter__(self) -> SpectatorPart:
         if self.view is not None:
@@ -95,7 +98,7 @@ def test_the_participant_is_sent_the_same_whether_somebody_looks_on_or_not() -> 
 
 @pytest.fixture
 def spectators() -> Iterator[SpectatorView]:
-    view = SpectatorView(simple_look())
+    view = SpectatorView(own_look())
     view.open()
     view.show(SIX)
     yield view
@@ -320,6 +323,14 @@ async def test_only_experimenters_look_on_and_the_participant_gets_nothing_of_it
         }
         assert "/mark/object" in seen
         assert not [name for name in participants if name.startswith("/belief")]
+    async with httpx.AsyncClient(trust_env=False) as client:
+        assert (await client.get(f"{lab.base_url}/api/health")).json()["look"] == "own"
+        file = next(lab.data_dir.glob("lab.sqlite"))
+        with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as stored:
+            (told,) = stored.execute(
+                "SELECT data FROM events WHERE kind = 'robot' AND participant = ?", (made["participant"],)
+            )
+    assert own_look().facts.items() <= json.loads(told[0]).items(), "what the participant saw is in the record"
 
 
 @pytest.mark.browser

@@ -1,23 +1,18 @@
-"""Meshes have the sizes the physics has, and the robot's are baked once, whole, or replaced by simple shapes."""
+"""Meshes have the sizes the physics has, and a GLB says what a mesh says."""
 
 from __future__ import annotations
 
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sim import fetch
 from sim.interface import ObjectSpec, SimError
-from sim.view import assets, props
+from sim.view import props
 from sim.view.meshes import Mesh, box, linear_rgb, loft, merge, rectangle, rod, to_glb
 from tests.support.shipped_world import ARC, OBJECTS
-
-BAKED_LIMIT_BYTES = 500_000
-"""What all baked meshes may weigh together: a page loads them."""
 
 
 def parsed(glb: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -148,97 +143,3 @@ def test_a_glb_holds_what_the_mesh_held() -> None:
 def test_what_is_no_mesh_is_refused(make: Any) -> None:
     with pytest.raises(SimError):
         make()
-
-
-def test_the_cache_is_where_the_user_says() -> None:
-    assert assets.cache_dir({"XDG_CACHE_HOME": "/somewhere"}) == Path("/somewhere/shared-autonomy-lab")
-    home = Path.home() / ".cache" / "shared-autonomy-lab"
-    assert assets.cache_dir({}) == home
-    assert assets.cache_dir({"XDG_CACHE_HOME": "not/absolute"}) == home
-
-
-@pytest.fixture
-def published() -> Path:
-    """Where the published meshes are."""
-    pytest.importorskip("rtbdata", reason="the extra `meshes` is not installed")
-    folder = assets.published_meshes_dir()
-    assert folder is not None
-    return folder
-
-
-@pytest.mark.slow
-def test_the_robot_is_baked_small(published: Path, tmp_path: Path) -> None:
-    look = assets.robot_look(tmp_path / "cache", published)
-    assert look.note is None
-    assert set(look.glb_by_link) == set(assets.LINKS) <= set(fetch.LINK_NAMES)
-    assert sum(map(len, look.glb_by_link.values())) < BAKED_LIMIT_BYTES
-    for glb in look.glb_by_link.values():
-        _, arrays = parsed(glb)
-        assert arrays["indices"].max() < len(arrays["POSITION"])
-
-
-@pytest.fixture
-def bakings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Links that were baked, in order; what comes out are the simple shapes, at once."""
-    shapes = assets.simple_look().glb_by_link
-    asked: list[str] = []
-
-    def bake(link: str, source: Path) -> bytes:
-        asked.append(link)
-        return shapes.get(link, shapes["head_pan_link"])
-
-    monkeypatch.setattr(assets, "bake_link", bake)
-    return asked
-
-
-def test_it_is_baked_once_and_a_broken_file_again(bakings: list[str], tmp_path: Path) -> None:
-    cache = tmp_path / "cache"
-    look = assets.robot_look(cache, tmp_path)
-    assert look.note is None and bakings == list(assets.LINKS)
-    bakings.clear()
-    assert assets.robot_look(cache, tmp_path) == look
-    assert bakings == []
-    (broken,) = cache.glob("*/gripper_link.glb")
-    broken.write_bytes(broken.read_bytes()[:-100])
-    assert assets.robot_look(cache, tmp_path) == look
-    assert bakings == ["gripper_link"]
-    assert broken.read_bytes() == look.glb_by_link["gripper_link"]
-    assert len(list(broken.parent.iterdir())) == len(assets.LINKS)  # nothing half-written stays behind
-
-
-def test_a_cache_that_cannot_be_written_does_not_matter(bakings: list[str], tmp_path: Path) -> None:
-    look = assets.robot_look(tmp_path / "cache", tmp_path)
-    (tmp_path / "file").write_text("in the way")
-    assert assets.robot_look(tmp_path / "file", tmp_path) == look
-    assert bakings == [*assets.LINKS, *assets.LINKS]
-
-
-def test_the_drawn_fingers_touch_where_the_pads_do(published: Path) -> None:
-    points_m = {finger: parsed(assets.bake_link(finger, published))[1]["POSITION"] for finger in fetch.FINGERS}
-    for opening_m in (0.0, 0.06, fetch.MAX_OPENING_M):
-        poses = fetch.link_poses((0.0,) * 7, opening_m)
-        inner = {}
-        for finger, side in fetch.FINGERS.items():
-            across = side * (points_m[finger] + poses[finger][0])[:, 1]
-            inner[finger] = float(across.min())
-        assert sum(inner.values()) == pytest.approx(opening_m, abs=0.003)
-
-
-def test_simple_shapes_stand_in_with_a_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assets, "published_meshes_dir", lambda: None)
-    look = assets.robot_look(tmp_path)
-    assert look.note is not None and "meshes" in look.note
-    assert {"gripper_link", *fetch.FINGERS, *(joint.child for joint in fetch.ARM_JOINTS)} <= set(look.glb_by_link)
-    assert not list(tmp_path.iterdir())
-
-
-def test_meshes_that_cannot_be_read_are_no_reason_to_stop(tmp_path: Path) -> None:
-    (tmp_path / "source").mkdir()
-    look = assets.robot_look(tmp_path / "cache", tmp_path / "source")
-    assert look.note is not None and "simple shapes" in look.note
-    assert look.glb_by_link == assets.simple_look().glb_by_link
-
-
-def test_an_unknown_link_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SimError, match=r"'tail'.*gripper_link"):
-        assets.bake_link("tail", tmp_path)

