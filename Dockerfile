@@ -6,8 +6,8 @@
 ARG PYTHON=3.11
 
 FROM python:${PYTHON}-slim AS build
-# What `make run` installs. Another extra is the Fetch's published meshes (CC BY-NC-SA 4.0), without which simple shapes
-# are drawn: `--build-arg EXTRAS=[bullet,analysis,meshes]`. `EXTRAS=` serves on MuJoCo's physics and makes no reports.
+# What `make run` installs. Another extra is the Fetch's published meshes (CC BY-NC-SA 4.0) in place of the lab's own look:
+# `--build-arg EXTRAS=[bullet,analysis,meshes]`. `EXTRAS=` serves on MuJoCo's physics and makes no reports.
 ARG EXTRAS="[bullet,analysis]"
 WORKDIR /opt/lab
 COPY . .
