@@ -22,10 +22,17 @@ def decision() -> Iterable[Figure]:
 
 
 def robots() -> Iterable[Figure]:
-    """headless ticks per second of both robots: whole pick-and-place cycles by the scripted pilot, and their parts"""
+    """headless ticks per second of each robot: whole pick-and-place cycles by the scripted pilot, and their parts"""
     from tests.bench.engine import robot_figures
 
     return robot_figures()
+
+
+def physics() -> Iterable[Figure]:
+    """how near its way the arm is on each physics, and how far objects slip in the fingers"""
+    from tests.bench.physics import physics_figures
+
+    return physics_figures()
 
 
 def live() -> Iterable[Figure]:
@@ -86,7 +93,7 @@ def whole() -> Iterable[Figure]:
 
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
     part.__name__: part
-    for part in (decision, robots, live, pictures, depth, lockstep, study, analysis, replication, whole)
+    for part in (decision, robots, physics, live, pictures, depth, lockstep, study, analysis, replication, whole)
 }
 ON_REQUEST = ("whole",)
 

@@ -112,7 +112,7 @@ def robot_figures() -> Iterator[Figure]:
     seconds over those of the processor, user and system, of this one process.
     """
     setup = study_setup(open_study(None))
-    for name in reversed(ROBOTS.names):
+    for name in reversed([name for name in ROBOTS.names if not ROBOTS.lacking(name)]):
         times_s: dict[str, list[float]] = defaultdict(list)
         outcomes: list[str] = []
         for condition in CONDITIONS:

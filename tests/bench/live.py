@@ -20,6 +20,7 @@ from websockets.typing import Subprotocol
 
 from app.simulated.bot import run_bot
 from app.simulated.connection import PageAccess, enter
+from app.trial.robots import ROBOTS
 from tests.bench.figure import Figure
 from tests.support import lab_server
 from tests.support.lab_server import LabServer
@@ -138,7 +139,7 @@ async def _count(socket: ClientConnection, received: SceneBytes) -> None:
 
 def lockstep_figures() -> Iterator[Figure]:
     """The bot's whole study: forms, worker starts and every commit to disk included."""
-    for robot in ("kinematic", "bullet"):
+    for robot in reversed([name for name in ROBOTS.shipped if not ROBOTS.lacking(name)]):
         with tempfile.TemporaryDirectory() as folder:
             study = write_study(Path(folder))
             options = ("--robot", robot, "--pace", "lockstep", "--no-scene", "--study", str(study))
