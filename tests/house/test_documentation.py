@@ -552,7 +552,7 @@ def test_the_citation_is_of_this_version() -> None:
     assert citation["message"]
     assert citation["type"] == "software"
     assert citation["version"] == project["version"]
-    assert citation["license"] == project["license"]["text"]
+    assert citation["license"] == project["license"]
     assert citation["authors"] == project["authors"]
     assert citation["authors"][0]["name"] in (ROOT / "LICENSE").read_text(encoding="utf-8")
     (paper,) = citation["references"]
