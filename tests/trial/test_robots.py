@@ -62,12 +62,14 @@ def test_where_nobody_names_one_it_is_pybullets_or_else_mujocos(
     assert chosen_robot("kinematic") == ChosenRobot("kinematic")
 
 
-@pytest.mark.parametrize(("name", "library"), [("bullet", "pybullet"), ("mujoco", "mujoco-core")])
+@pytest.mark.parametrize(
+    ("name", "asked"), [("bullet", r"'shared-autonomy-lab\[bullet\]'"), ("mujoco", "mujoco-core==")]
+)
 def test_physics_that_is_not_installed_is_one_line_that_says_what_to_install(
-    name: str, library: str, monkeypatch: pytest.MonkeyPatch
+    name: str, asked: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, ROBOTS.libraries[name].module, None)
-    with pytest.raises(PartError, match=f"^robot '{name}' needs .*, which is not installed: pip install {library}"):
+    with pytest.raises(PartError, match=f"^robot '{name}' needs .*, which is not installed: pip install {asked}"):
         make_robot(name)
 
 
