@@ -168,6 +168,7 @@ def test_missing_real_keys_are_passed_over_aloud_and_installed_where_they_are_re
 def stand_in(root: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Something else that is started by `python -m app serve`."""
     (root / "app").mkdir()
+    (root / "app" / "__init__.py").touch()  # without it the lab's own package, wherever it is installed, comes first
     (root / "app" / "__main__.py").write_text(body, encoding="utf-8")
     monkeypatch.setattr(lab_server, "ROOT", root)
 

@@ -254,6 +254,7 @@ export interface HealthReply {
   study: string;
   robot: string;
   robot_note: string;
+  look: string;
   detail: string;
   checks: Array<CheckReply>;
 }
