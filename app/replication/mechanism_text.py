@@ -12,7 +12,7 @@ from app.replication.mechanism import Mechanism
 from app.replication.paper import BALANCED, CONDITIONS_IN_ORDER, DIFFERENCES, reported
 
 _BALANCED = CONDITIONS_IN_ORDER.index(BALANCED)
-_PANEL_W, _HEIGHT, _LEFT, _TOP, _BOTTOM, _BETWEEN = 400, 400, 64, 56, 56, 70
+_PANEL_W, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 400, 400, 64, 24, 56, 56, 70
 _INK, _MARKED, _PAPER = "#1b6ca8", "#d1495b", "#888"
 
 
@@ -65,7 +65,7 @@ def write(found: Sequence[Mechanism], marked: Collection[str], file: Path) -> No
 def picture(found: Sequence[Mechanism], marked: Collection[str]) -> str:
     """Share by place against agreement with the paper, and against belief gain, as SVG. `marked` variants are drawn in
     another colour, larger."""
-    width = 2 * (_LEFT + _PANEL_W) + _BETWEEN
+    width = 2 * (_LEFT + _PANEL_W) + _BETWEEN + _RIGHT
     gain = reported("belief_gain", "pickup").means[BALANCED] * 1000.0
     most_gain = max([gain, *(one.gains[_BALANCED] * 1000.0 for one in found if one.gains[_BALANCED] > 0.0)])
     parts = [

@@ -12,7 +12,8 @@ they have come far enough, or stops to look. Between movements the hands are sti
 - A look ends at once when the arm, by itself, moves away from where it is wanted.
 - Before the gripper is used one looks again a few times (`checks`).
 - Each task finds a person in another state (`app.simulated.task_state`), who may back out and try again (`second_try`),
-  lift high (`lift_m`), hold on where the arm undoes taps (`firmness`), and press a wrong button (`wrong_button`).
+  lift high (`lift_m`), hold on after a press that came to nothing (`firmness`), and press a wrong button
+  (`wrong_button`).
 - A reading takes the hands away (`errand`): reaction, time away, and a moment before going on.
 
 The driver knows nothing of the condition. Whatever the robot did meanwhile, it looks and goes on from there.
@@ -270,7 +271,8 @@ class Driver:
         return self._press(self._movement, position_m)
 
     def _holds_on(self, direction: Direction, position_m: Point) -> bool:
-        """Whether to hold, and not tap, since the arm has undone what was last pressed that way."""
+        """Whether to hold, and not tap, since what was last pressed that way came to nothing: the arm has undone it, or
+        the controls were covered by a reading."""
         way_m = sum(part * here_m for part, here_m in zip(direction, position_m, strict=True))
         before, self._tapped = self._tapped, (direction, way_m)
         undone = before is not None and before[0] == direction and way_m < before[1] + STUCK_M

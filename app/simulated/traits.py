@@ -119,7 +119,7 @@ TRAITS: Mapping[str, Spread] = MappingProxyType(
         ),
         "firmness": Spread(
             *(0.8, 0.1, 0.0, 1.0, False),
-            "chance that, where the arm by itself has undone a tap, one holds on the next time",
+            "chance that, where the last press came to nothing or the arm undid it, one holds on the next time",
             off=0.0,
         ),
         # ---- what is in the hands

@@ -69,12 +69,14 @@ _PRESETS: Mapping[str, Changes] = {
     ),
 }
 
-_INFORMATION: Mapping[str, Mapping[str, Any]] = {
+_OF_SHIPPED: Mapping[str, Mapping[str, Any]] = {
     "ahead": {"information": "ahead", "look_ahead_m": 0.20},
     "at_rest": {"information": "at_rest", "look_ahead_m": 0.20},
     "averaged": {"information": "averaged", "look_ahead_m": 0.20},
+    # A step back undoes one that was made, and it has to be made again: two steps of 0.03 m.
+    "steady": {"stickiness": 0.06},
 }
-"""The study that ships, but for where information is looked at."""
+"""What of the arbiter differs from the study that ships: where information is looked at, or how dear a turn is."""
 
 
 def changed_study(study: Study, changes: Changes, trust: bool = False) -> Study:
@@ -96,8 +98,8 @@ def preset_changes(name: str | None, *, layout: bool = True) -> Changes:
     taken too: a file of one's own may have another number of objects. `LabError` names the presets."""
     if name is None:
         return {}
-    if name in _INFORMATION:
-        changes = _like(_like(_LAB, fitted()["study"]), {"arbiter": _INFORMATION[name]})
+    if name in _OF_SHIPPED:
+        changes = _like(_like(_LAB, fitted()["study"]), {"arbiter": _OF_SHIPPED[name]})
     elif name in _PRESETS:
         changes = _PRESETS[name]
     else:

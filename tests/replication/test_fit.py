@@ -63,6 +63,17 @@ def test_what_ships_is_what_the_fit_found() -> None:
     assert fitted_population().means == {**OFF, **data["participants"]}
 
 
+def test_the_other_transition_is_told_with_its_misfit_from_one_run_with_the_one_that_ships() -> None:
+    """And how far another run of the fit comes from what ships."""
+    found = fitted()["found"]
+    again, first = found["again"]["variants"], found["variants"]["replan"]
+    assert again["mix"]["misfit"] > 3.0 * again["replan"]["misfit"]
+    told = [(of["measure"], of["kind"], of["statistic"]) for of in again["mix"]["anchors"]]
+    assert told == [(anchor.measure, anchor.kind, anchor.statistic) for anchor in ANCHORS]
+    for name in ("speed_m_s", "rationality_per_m"):
+        assert again["replan"]["values"][name] == pytest.approx(first["values"][name], rel=0.1)
+
+
 def test_traits_are_called_fitted_that_are() -> None:
     assert {name for name, trait in TRAITS.items() if trait.fitted} == {item.name for item in PARAMETERS} & set(TRAITS)
 

@@ -18,7 +18,11 @@ from app.autonomy.interface import Models
 from app.autonomy.transition import TransitionModel
 from app.replication.mechanism import Mechanism, moves_of, share_by_place
 from app.replication.mechanism_text import picture, table
+from app.simulated.variants import changed_study, preset_changes
+from app.trial.setup import study_setup
+from app.trial.world import open_study, parse_text
 from study.records import TickRow
+from tests.support.hands_off import HandsOff
 
 GOALS = np.array([[0.8, 0.3, 0.9], [0.8, -0.2, 0.9], [0.9, 0.0, 0.85]])
 BELIEF = np.array([0.5, 0.3, 0.2])
@@ -86,6 +90,27 @@ def test_what_a_person_does_and_what_is_sure_is_not_counted() -> None:
     assert moves_of({"ticks": apart}, "teleoperation", arbiter()).looked == 0
 
 
+def turns_back(preset: str) -> float:
+    """How often an arm that nobody drives goes against its last move; alpha is given, so that nothing is calibrated."""
+    study = changed_study(open_study(None), preset_changes(preset))
+    text = study.source_text.replace('alpha = "calibrated"', "alpha = 245.0")
+    arm, rng, products = (
+        HandsOff(study_setup(parse_text(text, "tested")), "balanced", True),
+        np.random.default_rng(2),
+        [],
+    )
+    for _ in range(4):
+        arm.begin(rng, "pickup")
+        places_m = np.array([tick.place_m for tick in arm.ticks(50)])
+        ways_m = np.diff(places_m, axis=0)
+        products += np.einsum("ni,ni->n", ways_m[1:], ways_m[:-1]).tolist()
+    return float(np.mean(np.array(products) < 0.0))
+
+
+def test_a_steady_arm_seldom_turns_back() -> None:
+    assert turns_back("steady") < 0.15 < turns_back("shipped")
+
+
 def variant(name: str, share: float, signs: float, gain: float = 0.01) -> Mechanism:
     return Mechanism(name, 250.0, "next", share, 0.3, (160.0, 90.0, 120.0), (0.005, 0.007, gain), signs)
 
@@ -100,6 +125,12 @@ def test_the_picture_has_a_labelled_mark_for_each_variant_and_points_two_out() -
     assert len(list(drawn.findall(".//{*}circle"))) == 4
     assert {c.get("r") for c in drawn.findall(".//{*}circle")} == {"7", "4.5"}
     assert "unknown" not in picture(found, ())
+
+
+def test_a_mark_at_the_end_of_the_picture_is_whole() -> None:
+    drawn = ElementTree.fromstring(picture([variant("at_rest", 1.0, 13.0)], {"at_rest"}))
+    width = float(drawn.attrib["viewBox"].split()[2])
+    assert all(float(mark.attrib["cx"]) + 12.0 < width for mark in drawn.findall(".//{*}circle"))
 
 
 def test_the_table_ends_with_the_paper_and_says_nothing_of_what_is_not_known() -> None:

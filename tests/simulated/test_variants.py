@@ -84,10 +84,18 @@ def test_a_file_that_holds_code_takes_several_changes_of_a_section_it_has_not() 
     assert text.index("stickiness = 0.02") < text.index("[[code]]") and text.count("[arbiter]") == 1
 
 
-@pytest.mark.parametrize("name", ["ahead", "at_rest", "averaged"])
-def test_a_preset_of_information_says_everything_it_stands_for(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "differs"),
+    [
+        ("ahead", {"information": "ahead"}),
+        ("at_rest", {"information": "at_rest"}),
+        ("averaged", {"information": "averaged"}),
+        ("steady", {"stickiness": 0.06}),
+    ],
+)
+def test_a_preset_of_the_study_that_ships_says_everything_it_stands_for(name: str, differs: dict[str, object]) -> None:
     first = changed_study(open_study(None), preset_changes("lab"))
     study, shipped = changed_study(first, preset_changes(name)), open_study(None)
-    assert study.arbiter.model_dump() == {**shipped.arbiter.model_dump(), "information": name, "look_ahead_m": 0.20}
+    assert study.arbiter.model_dump() == {**shipped.arbiter.model_dump(), **differs}
     assert (study.robot, study.layout) == (shipped.robot, shipped.layout)
     assert study.distractor.placement == shipped.distractor.placement
