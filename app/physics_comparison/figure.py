@@ -76,7 +76,8 @@ def _paths(ax: Axes, compared: Compared, looks: dict[str, Look]) -> None:
     ax.set_xlabel(f"distance from {compared.first}'s gripper (mm)")
     ax.set_ylabel("% of moments")
     _title(ax, "A", "Up to first contact")
-    ax.legend(frameon=False, loc="upper left")
+    if compared.paths:
+        ax.legend(frameon=False, loc="upper left")
 
 
 def _outcomes(ax: Axes, compared: Compared, looks: dict[str, Look]) -> None:
