@@ -53,10 +53,16 @@ def interval(found: Difference, measure: str) -> str:
 # ---- the verdict ----------------------------------------------------------------------------------------------------
 
 
-def paths_agree(paths: Paths, by: Rule) -> bool:
+def first_verdict(paths: Paths, by: Rule) -> str:
     """What the rule says of the way up to first contact."""
     near = paths.apart_quantile_mm <= by.apart_mm and paths.turned_deg[1] <= by.turned_deg
-    return near and not paths.same_share < by.same_choices
+    told = "paths agree" if near else "paths do not agree"
+    if paths.same_share != paths.same_share:
+        return f"{told}; the arbiter made no choice by itself"
+    if paths.same_share >= by.same_choices:
+        return f"{told}, and so do decisions"
+    same, least = percent(paths.same_share, 1), percent(by.same_choices)
+    return f"{told}, decisions do not ({same} are the same, the rule asks for {least})"
 
 
 def verdicts(compared: Compared) -> list[str]:
@@ -74,8 +80,7 @@ def _verdict(compared: Compared, paths: Paths, by: Rule) -> Iterator[str]:
     def list_of(found: Sequence[Equivalence]) -> str:
         return ", ".join(name_of(one) for one in found)
 
-    said = "agree" if paths_agree(paths, by) else "do not agree"
-    yield f"{first} and {other}: up to first contact paths and decisions {said} by the rule."
+    yield f"{first} and {other}: up to first contact {first_verdict(paths, by)}."
     usable, carried = named("interchangeable"), named("effects carry over")
     differing, open_ = named("differs"), named("not shown")
     if not differing and not open_ and not carried:
