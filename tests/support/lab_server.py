@@ -92,21 +92,24 @@ def start(
     *arguments: str,
     environment: dict[str, str] | None = None,
     program: Sequence[str] = ("-m", "app"),
+    interpreter: Path | str = sys.executable,
+    folder: Path | None = None,
 ) -> LabServer:
     """`salab serve --port 0 --data data_dir arguments...`, returned once it answers; `program` is what Python runs for
-    `salab`.
+    `salab`, in the checkout, or in another `folder` with the lab that the `interpreter` there has installed.
 
     Raises:
         LabDidNotStart: with the process's exit code and output.
     """
     data_dir.mkdir(parents=True, exist_ok=True)
     log_path = data_dir.with_name(data_dir.name + ".log")
-    command = [sys.executable, *program, "serve", "--port", "0", "--data", str(data_dir), *arguments]
+    command = [str(interpreter), *program, "serve", "--port", "0", "--data", str(data_dir), *arguments]
     process = subprocess.Popen(
         command,
-        cwd=ROOT,
+        cwd=folder or ROOT,
         env={
             **os.environ,
+            **({"PYTHONPATH": ""} if folder else {}),
             "PYTHONUNBUFFERED": "1",
             "SALAB_READY_LINE": "1",
             "SALAB_EXPERIMENTER_TOKEN": EXPERIMENTER_TOKEN,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import httpx
 import pytest
 
 from tests.house.test_tree import tree_files
+from tests.support import lab_server
 from tests.support.study_samples import small_study
 
 pytestmark = pytest.mark.slow
@@ -92,25 +92,13 @@ def test_a_study_is_made_checked_and_simulated(installed: Path, tmp_path: Path) 
 
 
 def test_a_lab_serves_its_pages(installed: Path, tmp_path: Path) -> None:
-    command = [str(installed / "salab"), "serve", "--port", "0", "--no-scene"]
-    here = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    process = subprocess.Popen(
-        command, cwd=tmp_path, env={**here, "SALAB_READY_LINE": "1"}, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        ready = next((line for line in process.stdout if line.startswith("READY ")), None)
-        assert ready is not None, "the lab ended"
-        links = json.loads(ready.removeprefix("READY "))
-        with httpx.Client(base_url=links["base_url"], trust_env=False, timeout=60, follow_redirects=True) as client:
-            assert "Shared Autonomy Lab" in client.get("/").text
-            for page in (links["experimenter_link"], links["demo_link"]):
-                assert client.get(page).status_code == 200
-            for path in sorted((ROOT / "static").rglob("*.js")):
-                name = path.relative_to(ROOT).as_posix()
-                assert client.get(f"/{name}").content == path.read_bytes(), name
-    finally:
-        process.terminate()
-        process.wait(timeout=60)
-        assert process.stdout is not None
-        process.stdout.close()
+    with (
+        lab_server.start(tmp_path / "data", "--no-scene", interpreter=installed / "python", folder=tmp_path) as lab,
+        httpx.Client(base_url=lab.base_url, trust_env=False, timeout=60, follow_redirects=True) as client,
+    ):
+        assert "Shared Autonomy Lab" in client.get("/").text
+        for page in (lab.experimenter_link, lab.demo_link):
+            assert client.get(page).status_code == 200
+        for path in sorted((ROOT / "static").rglob("*.js")):
+            name = path.relative_to(ROOT).as_posix()
+            assert client.get(f"/{name}").content == path.read_bytes(), name

@@ -1,0 +1,1 @@
+"""The other Pythons, and other systems: `make test-pythons`."""

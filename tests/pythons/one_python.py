@@ -1,0 +1,132 @@
+"""What is asked of one Python: an empty environment, the telling tests, the same data, a study on each physics."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+from app.simulated.bot import run_bot
+from tests.support import lab_server
+from tests.support.study_samples import small_study
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).resolve().parents[2]
+TOOLS = ("pytest", "pytest-asyncio", "pytest-timeout", "hypothesis")
+"""Of what `make test` installs, what the tests below need."""
+TESTS = ("tests/autonomy", "tests/sim/test_ik.py", "tests/sim/test_robot_contract.py")
+TELLING = ("-m", "not slow", "-k", "not random_motion and not calibration")
+"""Of these tests, those that tell most for their time."""
+ROBOTS = ("kinematic", "bullet", "mujoco")
+
+
+class Failed(Exception):
+    """Something that is not as it should be, with what was said of it."""
+
+
+@dataclass(frozen=True)
+class OnePython:
+    """An environment of its own at `folder`, of one Python, with the wheel in it."""
+
+    version: str
+    folder: Path
+
+    @property
+    def python(self) -> Path:
+        """Its interpreter."""
+        return self.folder / "environment" / "bin" / "python"
+
+    def installed(self, interpreter: Path, wheel: Path) -> str:
+        """Make it, from nothing. Says how long that took and what it takes."""
+        begun = time.monotonic()
+        run([interpreter, "-m", "venv", "--clear", self.folder / "environment"], self.folder)
+        pip: list[str | Path] = [
+            self.python,
+            "-m",
+            "pip",
+            "--disable-pip-version-check",
+            "install",
+            "--quiet",
+            "--no-compile",
+        ]
+        run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis]"], self.folder)
+        took_s, size_mb = time.monotonic() - begun, _size_mb(self.folder / "environment")
+        run([*pip, *tools()], self.folder)
+        return f"installed in {took_s:.0f} s, {size_mb:.0f} MB"
+
+    def robots(self) -> tuple[str, ...]:
+        """Those whose physics is installed there."""
+        asked = "from app.trial.robots import ROBOTS; print(*(n for n in ROBOTS.shipped if not ROBOTS.lacking(n)))"
+        found = run([self.python, "-c", asked], self.folder).split()
+        return tuple(name for name in ROBOTS if name in found)
+
+    def tested(self) -> str:
+        """Run the telling tests of the checkout. Says how many."""
+        printed = run([self.python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TELLING, *TESTS], ROOT)
+        return printed.strip().splitlines()[-1]
+
+    def studied(self, robot: str) -> str:
+        """A bot completes a study on a lab that runs there."""
+        study = _study(self.folder)
+        with lab_server.start(
+            self.folder / f"data-{robot}",
+            *("--robot", robot, "--pace", "lockstep", "--no-scene", "--study", str(study)),
+            interpreter=self.python,
+            folder=self.folder,
+        ) as lab:
+            with httpx.Client(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=60.0) as client:
+                if "Shared Autonomy Lab" not in client.get("/").text:
+                    raise Failed("the front page is not answered")
+                made = client.post("/api/participants", json={"pace": "lockstep"}).raise_for_status().json()
+            report = asyncio.run(run_bot(made["link"]))
+        if report.pages[-1] != "done" or report.findings:
+            raise Failed(f"the bot came to {report.pages[-1]}: {report.findings}")
+        return f"{robot}: a bot completed the study in {report.ticks} ticks"
+
+
+def simulated(python: Path | str, robot: str, folder: Path, checkout: Path | None = None) -> str:
+    """The SHA-256 of what a simulated participant did, with the lab that is installed or that of a checkout."""
+    out = folder / f"simulated-{robot}"
+    command = [python, "-m", "app", "simulate", "--study", _study(folder), "--participants", "1", "--robot", robot]
+    run([*command, "--out", out], folder, {"PYTHONPATH": str(checkout or "")})
+    return hashlib.sha256((out / "ticks.csv").read_bytes()).hexdigest()
+
+
+def _study(folder: Path) -> Path:
+    path = folder / "small.toml"
+    path.write_text(small_study().source_text, encoding="utf-8")
+    return path
+
+
+def tools() -> list[str]:
+    """The requirement lines of `TOOLS`."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = project["optional-dependencies"]["test"]
+    return [line for line in lines if (match := re.match(r"[\w.-]+", line)) and match.group() in TOOLS]
+
+
+def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, str] | None = None) -> str:
+    """What a program prints, which ends well. Raises `Failed`."""
+    here = {**os.environ, "PYTHONPATH": "", **(environment or {})}
+    done = subprocess.run([*map(str, command)], cwd=folder, env=here, capture_output=True, text=True, timeout=900)
+    if done.returncode:
+        said = "\n".join([*done.stdout.strip().splitlines()[-40:], *done.stderr.strip().splitlines()[-40:]])
+        raise Failed(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{said}")
+    return done.stdout
+
+
+def _size_mb(folder: Path) -> float:
+    return sum(path.lstat().st_size for path in folder.rglob("*")) / 1e6
