@@ -12,8 +12,8 @@ CHECK_JS := $(PY) -m tests.javascript.check
 ON_ALL_CORES := --numprocesses auto --dist loadscope
 # What is imported is compiled then; compiling all of it takes as long as installing it, and a hundred MB.
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet --no-compile
-# pybullet comes with 160 MB of other robots and of examples, none of which is opened here.
-UNOPENED := $(addprefix $(VENV)/lib/python3.*/site-packages/,pybullet_data pybullet_envs pybullet_examples pybullet_robots)
+# pybullet comes with 170 MB of other robots, examples and a renderer, none of which is opened here.
+UNOPENED := $(addprefix $(VENV)/lib/python3.*/site-packages/,pybullet_data pybullet_envs pybullet_examples pybullet_robots eglRenderer.*)
 
 SHELL := /bin/sh
 .DELETE_ON_ERROR:
