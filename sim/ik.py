@@ -109,6 +109,15 @@ def _posture(x_m: Any, y_m: Any, z_m: Any, maths: _Maths) -> tuple[Any, Any, Any
     return pan, lift, elbow, forearm_roll, wrist_flex, wrist_roll, bend
 
 
+def into_workspace(position_world_gripper_m: Vector3) -> Vector3:
+    """The nearest position within the box of the workspace; the arm may still be too short for it."""
+    x_m, y_m, z_m = (
+        min(max(value_m, low_m), high_m)
+        for value_m, low_m, high_m in zip(position_world_gripper_m, WORKSPACE_LOW_M, WORKSPACE_HIGH_M, strict=True)
+    )
+    return x_m, y_m, z_m
+
+
 @lru_cache(maxsize=1024)  # an arm at rest and objects that stand are asked about tick after tick
 def solve(position_world_gripper_m: Vector3) -> tuple[Joints, int]:
     """Posture at one position, and what is wrong with it: an index of `REASONS`, 0 when it is within reach.

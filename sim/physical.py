@@ -36,6 +36,8 @@ from sim.touch import Touch
 
 LAG_M = 0.010
 """A gripper farther than this from where it should be is pressed against something: the command is frozen."""
+BACK_SHARES = (0.0, 0.25, 0.5, 0.75)
+"""Of the way back to where it was told to be, which is within reach."""
 SETTLED_SPEED_M_S = 0.01
 SETTLED_TURN_RAD_S = 0.1
 SETTLED_SLICES = math.ceil(0.25 / SLICE_S)
@@ -118,10 +120,16 @@ class PhysicalRobot(ABC):
     def _start(self) -> Vector3:
         """Where a motion begins: an arm that is pressed against something has not come to where it was told to be.
 
-        It begins where the arm is: else every way out would first have to make up for what is missing.
+        It begins where the arm is, else every way out would first have to make up for what is missing; and where it was
+        pushed a little out of its reach, as near to that as it can be told to be.
         """
-        if math.dist(self._gripper_world_m, self._target) > LAG_M and not ik.solve(self._gripper_world_m)[1]:
-            return self._gripper_world_m
+        if math.dist(self._gripper_world_m, self._target) > LAG_M:
+            x_m, y_m, z_m = ik.into_workspace(self._gripper_world_m)
+            to_x_m, to_y_m, to_z_m = self._target
+            for share in BACK_SHARES:
+                start_m = x_m + share * (to_x_m - x_m), y_m + share * (to_y_m - y_m), z_m + share * (to_z_m - z_m)
+                if not ik.solve(start_m)[1]:
+                    return start_m
         return self._target
 
     def advance(self, slices: int = 1) -> None:

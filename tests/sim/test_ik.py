@@ -194,3 +194,9 @@ def test_one_tick_is_at_most_five_centimetres() -> None:
 def test_link_poses_names_the_joints_it_wants() -> None:
     with pytest.raises(SimError, match=r"6 joint positions.*shoulder_pan_joint"):
         fetch.link_poses((0.0,) * 6, 0.1)
+
+
+def test_a_position_out_of_the_workspace_is_brought_to_its_edge_and_one_within_is_left_alone() -> None:
+    within = (0.8, 0.1, 0.9)
+    assert ik.into_workspace(within) == within
+    assert ik.into_workspace((0.9506, -0.7, 0.7894)) == (0.95, -0.62, 0.79)

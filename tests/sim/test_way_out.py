@@ -22,6 +22,8 @@ FULL = bool(os.environ.get("SALAB_FULL_SWEEP"))
 STEPS = {"bullet": 23, "mujoco": 47}
 """Every so many-th drive. They share no factor with the number of combinations: a part has every layout, condition and
 beginning."""
+JAMMED = {"bullet": (), "mujoco": (276, 414)}
+"""Drives that once left the arm a millimetre out of its workspace, where no way out began."""
 FREE_M = 0.005
 """In two ticks. What drags a bottle along is pressed, and comes on."""
 HELD_TICKS = 8
@@ -95,7 +97,7 @@ PARTS = [
 @pytest.mark.parametrize(("name", "part"), PARTS)
 def test_every_way_out_moves_the_arm_within_two_ticks_and_alone_it_does_not_press_on(name: str, part: int) -> None:
     parts = sum(1 for one in PARTS if one.values[0] == name)
-    seeds = range(0, 540, 1 if FULL else STEPS[name])[part::parts]
+    seeds = sorted({*range(0, 540, 1 if FULL else STEPS[name]), *JAMMED[name]})[part::parts]
     robot = probed(name)
     jams: list[tuple[Drive, Direction | None, Found]] = []
     ways, least_m, longest, longest_alone = 0, math.inf, 0, 0
