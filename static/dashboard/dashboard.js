@@ -11,6 +11,7 @@ import { Export } from "./export.js";
 import { HelpCalls } from "./help_calls.js";
 import { Live } from "./live.js";
 import { Results } from "./results.js";
+import { RobotNote } from "./robot_note.js";
 import { Roster } from "./roster.js";
 import { showQr } from "./roster_dialogs.js";
 import { Rows } from "./sessions_table.js";
@@ -27,7 +28,7 @@ const api = new Api();
 const toasts = new Toasts();
 const main = h("main", { id: "main" });
 const updated = h("span", { class: "updated", role: "status", data: { testid: "last-updated" } }, "Not updated yet");
-const robotNote = h("p", { class: "hint", hidden: true, data: { testid: "robot-note" } });
+const robotNote = new RobotNote();
 const leave = h(
   "button",
   { type: "button", class: "secondary small", hidden: true, data: { testid: "log-out" } },
@@ -126,7 +127,7 @@ async function enter() {
     clearInterval(timer);
     timer = setInterval(poll, POLL_MS);
     live.start();
-    sayRobot();
+    robotNote.ask(api);
   } catch (error) {
     if (isRefused(error)) api.setToken("");
     login(problemText(error));
@@ -172,17 +173,6 @@ function sayUpdated() {
   updated.classList.toggle("stale", stale);
   const at = lastAt.toLocaleTimeString([], { hour12: false });
   setText(updated, stale ? `Not up to date: last heard from the lab at ${at}` : `Updated ${at}`);
-}
-
-/**
- * That another robot moves than usual, for as long as this lab runs.
- *
- * @returns {Promise<void>}
- */
-async function sayRobot() {
-  const health = await api.health().catch(() => null); // it answers 503 while something is wrong, which is told elsewhere
-  setText(robotNote, health?.robot_note ?? "");
-  robotNote.hidden = !health?.robot_note;
 }
 
 let polling = false;
@@ -366,7 +356,7 @@ function sessionsCard() {
       h("h2", { id: "sessions-title" }, "Sessions"),
       h("span", { class: "top-actions" }, updated, rows.filter, exporting.button),
     ),
-    robotNote,
+    robotNote.element,
     exporting.progress,
     rows.element,
   );
