@@ -102,7 +102,7 @@ async def _hear(player: Player) -> None:
 async def _page_bytes(access: PageAccess) -> tuple[int, int]:
     headers = {"Cookie": access.cookie, "Accept-Encoding": "gzip"}
     async with (
-        httpx.AsyncClient(trust_env=False) as client,
+        httpx.AsyncClient(trust_env=False, timeout=30.0) as client,
         client.stream("GET", urljoin(access.page_url, "scene/"), headers=headers) as response,
     ):
         packed = b"".join([part async for part in response.aiter_raw()])

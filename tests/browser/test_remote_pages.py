@@ -121,7 +121,9 @@ def test_a_window_that_is_too_small_is_mended_or_ends_the_study(
 
 
 def test_who_comes_too_late_is_told_so_and_led_on(page: Page, open_lab: LabServer) -> None:
-    with httpx.Client(base_url=open_lab.base_url, headers=open_lab.headers, trust_env=False) as experimenter:
+    with httpx.Client(
+        base_url=open_lab.base_url, headers=open_lab.headers, trust_env=False, timeout=30.0
+    ) as experimenter:
         places: dict[str, Any] = experimenter.get("/api/roster").json()["recruitment"]
         made = invite(open_lab, count=places["quota"] - places["held"])["created"]
         try:

@@ -118,7 +118,7 @@ def test_what_another_experimenter_did_first_is_said(page: Page, lab: LabServer)
     opened(page, lab)
     line(page, who).get_by_test_id("roster-withdraw").click()
     place = f"{lab.base_url}/api/participants/{who}/withdraw"
-    httpx.post(place, headers=lab.headers, json={}, trust_env=False).raise_for_status()
+    httpx.post(place, headers=lab.headers, json={}, trust_env=False, timeout=30.0).raise_for_status()
     page.get_by_test_id("dialog-confirm").click()
     page.get_by_test_id("toast-problem").get_by_text("The session is over").wait_for()
     line(page, who).locator("[data-column=state]", has_text="withdrawn").wait_for()

@@ -51,7 +51,9 @@ def short_study(tmp_path: Path) -> Path:
 
 
 def invite(lab: LabServer, **body: Any) -> str:
-    response = httpx.post(f"{lab.base_url}/api/participants", headers=lab.headers, json=body, trust_env=False)
+    response = httpx.post(
+        f"{lab.base_url}/api/participants", headers=lab.headers, json=body, trust_env=False, timeout=30.0
+    )
     assert response.status_code == 201, response.text
     link: str = response.json()["link"]
     return link

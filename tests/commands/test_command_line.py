@@ -199,7 +199,10 @@ def test_the_experimenters_token_is_made_and_printed_when_none_is_given(start_la
     assert len(token) >= 22
     for given, status in ((token, 200), ("", 403)):
         headers = {"Authorization": f"Bearer{' ' * bool(given)}{given}"}
-        assert httpx.get(f"{lab.base_url}/api/sessions", headers=headers, trust_env=False).status_code == status
+        assert (
+            httpx.get(f"{lab.base_url}/api/sessions", headers=headers, trust_env=False, timeout=30.0).status_code
+            == status
+        )
 
 
 # --- export ------------------------------------------------------------------------------------------------------

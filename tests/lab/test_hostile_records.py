@@ -174,5 +174,5 @@ async def test_whoever_has_such_a_record_goes_on_and_nobody_else_notices(
 
 def asked_document(lab: LabServer) -> dict[str, Any]:
     """The lab's own description of its routes."""
-    document: dict[str, Any] = httpx.get(f"{lab.base_url}/openapi.json", trust_env=False).json()
+    document: dict[str, Any] = httpx.get(f"{lab.base_url}/openapi.json", trust_env=False, timeout=30.0).json()
     return document

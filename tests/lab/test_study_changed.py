@@ -107,7 +107,7 @@ async def test_a_study_that_this_version_cannot_read_hurts_nobody_else(launch: C
         assert (page.status_code, told.json()) == (200, {"why": "unusable"}), (
             "its page must not say Connecting for ever"
         )
-    async with httpx.AsyncClient(trust_env=False) as stranger:
+    async with httpx.AsyncClient(trust_env=False, timeout=30.0) as stranger:
         assert (await stranger.get(f"{page.url}why")).status_code == 403
     async with visit(lab.base_url + urlsplit(after["link"]).path) as player:
         await player.reach_trial()

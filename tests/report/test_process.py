@@ -141,7 +141,7 @@ def test_an_experimenter_makes_and_opens_the_report(
 ) -> None:
     lab = start_lab("--robot", "kinematic", "--no-scene", data_dir=filled)
     place = f"{lab.base_url}/dashboard/report/"
-    with httpx.Client(base_url=lab.base_url, trust_env=False) as client:
+    with httpx.Client(base_url=lab.base_url, trust_env=False, timeout=30.0) as client:
         for path in (place, f"{place}figures/fig3_objective_measures.png"):
             assert client.get(path).status_code == 403
             assert client.get(path, headers=lab.headers).status_code == 403  # a browser would not send these

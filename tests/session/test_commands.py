@@ -215,7 +215,7 @@ NAME = "Jane Roe (p. 12) <b>é</b>"
 def test_two_experimenters_are_told_apart_by_their_initials(quick_lab: LabServer) -> None:
     participant = invite(quick_lab)["participant"]
     url = f"{quick_lab.base_url}/api/sessions/{participant}"
-    with httpx.Client(headers=quick_lab.headers, trust_env=False) as client:
+    with httpx.Client(headers=quick_lab.headers, trust_env=False, timeout=30.0) as client:
         assert client.post(f"{url}/pause", json={}, headers={"Salab-Who": "%C3%89B"}).status_code == 200
         late = client.post(f"{url}/pause", json={}, headers={"Salab-Who": "CD"})
         assert (late.status_code, late.json()["detail"].partition(".")[0]) == (
@@ -234,7 +234,10 @@ async def test_no_words_of_anybody_stand_in_an_export_and_the_dashboard_still_sh
     made = invite(quick_lab, kind="pilot")
     participant = made["participant"]
     url = f"{quick_lab.base_url}/api"
-    async with httpx.AsyncClient(headers=quick_lab.headers, trust_env=False) as client, visit(made["link"]) as player:
+    async with (
+        httpx.AsyncClient(headers=quick_lab.headers, trust_env=False, timeout=30.0) as client,
+        visit(made["link"]) as player,
+    ):
         await player.reach_trial()
         await player.done("help", {"text": NAME})
         for path, body in [
@@ -269,7 +272,7 @@ def test_the_words_of_a_rejection_are_gone_with_the_participant(quick_lab: LabSe
 
     participant = invite(quick_lab)["participant"]
     make_done(quick_lab, participant)
-    with httpx.Client(base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False) as client:
+    with httpx.Client(base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False, timeout=30.0) as client:
         place = f"/api/participants/{participant}"
         assert client.post(f"{place}/reject", json={"reason": GONE}).status_code == 200
         assert read(quick_lab, participant, "rejected") == [("rejected", {"by": "experimenter", "text": GONE})]

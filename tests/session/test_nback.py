@@ -173,7 +173,7 @@ async def test_a_restart_in_mid_trial_remembers_the_letters_before(launch: Launc
 
 def certificates(lab: LabServer) -> list[str]:
     """What the dashboard says of each."""
-    roster = httpx.get(f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False).json()
+    roster = httpx.get(f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False, timeout=30.0).json()
     return [line["certificate"]["state"] for line in roster["lines"]]
 
 

@@ -114,7 +114,7 @@ async def test_a_trial_with_a_second_device_waits_for_the_device(
 async def pause_and_resume(lab: LabServer, participant: str, panel: Player) -> None:
     for command, state in (("pause", "paused"), ("resume", "trial")):
         url = f"{lab.base_url}/api/sessions/{participant}/{command}"
-        async with httpx.AsyncClient(headers=lab.headers, trust_env=False) as client:
+        async with httpx.AsyncClient(headers=lab.headers, trust_env=False, timeout=30.0) as client:
             assert (await client.post(url, json={})).status_code == 200
         await panel.page(state)
 

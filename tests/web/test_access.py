@@ -24,7 +24,7 @@ from tests.support.wire_client import events, invite, seen_by_experimenter, stor
 
 @pytest.fixture(scope="module")
 def client(quick_lab: LabServer) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=quick_lab.base_url, trust_env=False) as client:
+    with httpx.Client(base_url=quick_lab.base_url, trust_env=False, timeout=30.0) as client:
         yield client
 
 
@@ -62,7 +62,7 @@ def test_whoever_guesses_tokens_has_to_wait_and_nobody_else() -> None:
 
 def test_too_many_wrong_tokens_are_429_and_the_right_one_still_opens(start_lab: Callable[..., LabServer]) -> None:
     lab = start_lab("--robot", "kinematic", "--no-scene")
-    with httpx.Client(base_url=lab.base_url, trust_env=False) as guesser:
+    with httpx.Client(base_url=lab.base_url, trust_env=False, timeout=30.0) as guesser:
         answers = [
             guesser.get("/api/sessions", headers={"Authorization": f"Bearer guess-{number}"}) for number in range(11)
         ]
@@ -139,7 +139,7 @@ def test_the_printed_link_carries_the_token_behind_the_hash(quick_lab: LabServer
 
 def test_a_link_sets_a_cookie_that_scripts_cannot_read(client: httpx.Client, someone: dict[str, Any]) -> None:
     for link, name, path in (("link", "salab", "/s/{}"), ("panel_link", "salab_panel", "/s/{}/panel")):
-        response = httpx.get(someone[link], trust_env=False)
+        response = httpx.get(someone[link], trust_env=False, timeout=30.0)
         assert response.status_code == 303
         place = response.headers["location"]
         public_id = place.split("/")[2]
@@ -160,13 +160,13 @@ def test_behind_https_the_cookie_is_secure(start_lab: Callable[..., LabServer]) 
     assert lab.experimenter_link.startswith("https://lab.example/dashboard#token=")
     token = urlsplit(lab.demo_link).path
     # What it prints is the public address; where it listens is told by the process, here by its own log.
-    response = httpx.get(f"http://127.0.0.1:{lab.port}{token}", trust_env=False)
+    response = httpx.get(f"http://127.0.0.1:{lab.port}{token}", trust_env=False, timeout=30.0)
     assert response.status_code == 303
     assert "Secure" in response.headers["set-cookie"]
 
 
 def test_pages_say_the_same_to_a_stranger_whoever_exists(client: httpx.Client, someone: dict[str, Any]) -> None:
-    public_id = httpx.get(someone["link"], trust_env=False).headers["location"].split("/")[2]
+    public_id = httpx.get(someone["link"], trust_env=False, timeout=30.0).headers["location"].split("/")[2]
     token = urlsplit(someone["link"]).path.rpartition("/")[2]
     for template in ("/s/{}/", "/s/{}/panel/", "/s/{}/scene/", "/s/{}"):
         answers = [
@@ -225,7 +225,7 @@ async def test_a_page_of_another_site_opens_no_socket(quick_lab: LabServer, some
 
 
 def test_the_disk_holds_no_token_in_clear(quick_lab: LabServer, someone: dict[str, Any]) -> None:
-    httpx.get(someone["link"], trust_env=False)
+    httpx.get(someone["link"], trust_env=False, timeout=30.0)
     secrets = [urlsplit(someone[name]).path.rpartition("/")[2].encode() for name in ("link", "panel_link")]
     found = b""
     for path in quick_lab.data_dir.rglob("*"):
@@ -240,7 +240,7 @@ def test_the_disk_holds_no_token_in_clear(quick_lab: LabServer, someone: dict[st
 
 async def test_a_mail_scanner_that_follows_the_link_starts_nothing(quick_lab: LabServer) -> None:
     made = invite(quick_lab)
-    async with httpx.AsyncClient(headers={"User-Agent": "scanner/1.0"}, trust_env=False) as scanner:
+    async with httpx.AsyncClient(headers={"User-Agent": "scanner/1.0"}, trust_env=False, timeout=30.0) as scanner:
         for _ in range(3):
             assert (await scanner.get(made["link"])).status_code == 303
     seen = seen_by_experimenter(quick_lab, made["participant"])

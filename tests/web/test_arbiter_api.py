@@ -26,7 +26,7 @@ STATE = {"position_m": [0.70, 0.02, 0.88], "momentum": [0.6, 0.0, -0.8], "goals_
 
 @pytest.fixture(scope="module")
 def client(quick_lab: LabServer) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=quick_lab.base_url, trust_env=False) as client:
+    with httpx.Client(base_url=quick_lab.base_url, trust_env=False, timeout=30.0) as client:
         yield client
 
 

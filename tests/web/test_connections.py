@@ -81,7 +81,7 @@ def status_and_reason(answer: bytes) -> tuple[int, str]:
 
 
 def goes_on(lab: LabServer) -> bool:
-    return httpx.get(f"{lab.base_url}/api/health", trust_env=False).status_code == 200
+    return httpx.get(f"{lab.base_url}/api/health", trust_env=False, timeout=30.0).status_code == 200
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,7 @@ def test_there_are_never_more_connections_than_files(monkeypatch: pytest.MonkeyP
 
 def reached(lab: LabServer, bound: str) -> float:
     """How often, as the lab's metrics tell."""
-    text = httpx.get(f"{lab.base_url}/api/metrics", headers=lab.headers, trust_env=False).text
+    text = httpx.get(f"{lab.base_url}/api/metrics", headers=lab.headers, trust_env=False, timeout=30.0).text
     found = re.search(rf'salab_bounds_reached_total{{bound="{bound}"}} (\S+)', text)
     return float(found[1]) if found else 0.0
 

@@ -308,7 +308,7 @@ async def test_evaluations_wait_in_a_short_line_and_are_counted_by_their_goals(e
 def test_the_route_answers_429_as_it_says(start_lab: Callable[..., LabServer]) -> None:
     arguments = ("--limit=evaluations_burst=2", "--limit=evaluations_per_s=0.01", "--limit=wrong_links_per_min=3")
     lab = start_lab("--robot", "kinematic", "--no-scene", *arguments)
-    with httpx.Client(base_url=lab.base_url, trust_env=False) as client:
+    with httpx.Client(base_url=lab.base_url, trust_env=False, timeout=30.0) as client:
         body = asked().model_dump(mode="json")
         answers = [client.post("/api/arbiter/evaluate", json=body) for _ in range(3)]
         assert [answer.status_code for answer in answers] == [200, 200, 429]

@@ -24,7 +24,7 @@ from tests.support.wire_client import invite
 
 @pytest.fixture(scope="module")
 def client(quick_lab: LabServer) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=quick_lab.base_url, trust_env=False) as client:
+    with httpx.Client(base_url=quick_lab.base_url, trust_env=False, timeout=30.0) as client:
         yield client
 
 

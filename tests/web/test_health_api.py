@@ -149,7 +149,7 @@ async def test_what_happens_is_counted_and_nobody_is_in_it(quick_lab: LabServer)
 
 def test_a_stranger_cannot_make_the_metrics_grow(quick_lab: LabServer) -> None:
     get(quick_lab, "metrics", headers=quick_lab.headers)
-    with httpx.Client(base_url=quick_lab.base_url, trust_env=False) as stranger:
+    with httpx.Client(base_url=quick_lab.base_url, trust_env=False, timeout=30.0) as stranger:
         stranger.get("/nowhere-0")
         stranger.request("BREW", "/p/token")
         before = set(samples(quick_lab))

@@ -31,7 +31,7 @@ def new_id() -> str:
 @pytest.fixture
 def someone(open_lab: LabServer) -> Iterator[httpx.Client]:
     """A browser that was never here."""
-    with httpx.Client(base_url=open_lab.base_url, trust_env=False) as browser:
+    with httpx.Client(base_url=open_lab.base_url, trust_env=False, timeout=30.0) as browser:
         yield browser
 
 
@@ -47,19 +47,23 @@ def offered(browser: httpx.Client, person: str) -> httpx.Response:
 
 
 def exported(lab: LabServer) -> list[bytes]:
-    export = httpx.get(f"{lab.base_url}/api/export", headers=lab.headers, trust_env=False)
+    export = httpx.get(f"{lab.base_url}/api/export", headers=lab.headers, trust_env=False, timeout=30.0)
     with zipfile.ZipFile(io.BytesIO(export.content)) as package:
         return [package.read(name) for name in package.namelist()]
 
 
 def people(lab: LabServer, search: str = "") -> list[dict[str, Any]]:
-    answer = httpx.get(f"{lab.base_url}/api/roster", params={"search": search}, headers=lab.headers, trust_env=False)
+    answer = httpx.get(
+        f"{lab.base_url}/api/roster", params={"search": search}, headers=lab.headers, trust_env=False, timeout=30.0
+    )
     found: list[dict[str, Any]] = answer.json()["lines"]
     return found
 
 
 def recruitment(lab: LabServer) -> dict[str, Any]:
-    found: dict[str, Any] = httpx.get(f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False).json()
+    found: dict[str, Any] = httpx.get(
+        f"{lab.base_url}/api/roster", headers=lab.headers, trust_env=False, timeout=30.0
+    ).json()
     told: dict[str, Any] = found["recruitment"]
     return told
 
@@ -122,7 +126,7 @@ def test_a_bad_request_to_join_is_refused_and_enrols_nobody(open_lab: LabServer,
 
 
 def test_a_lab_that_does_not_recruit_says_so_and_enrols_nobody(quick_lab: LabServer) -> None:
-    with httpx.Client(base_url=quick_lab.base_url, trust_env=False) as browser:
+    with httpx.Client(base_url=quick_lab.base_url, trust_env=False, timeout=30.0) as browser:
         assert browser.get("/join?PROLIFIC_PID=ab").status_code == 404
         assert browser.get("/join").status_code == 404
         reply = join(browser, "ab")
@@ -131,7 +135,7 @@ def test_a_lab_that_does_not_recruit_says_so_and_enrols_nobody(quick_lab: LabSer
 
 
 def test_a_proxy_that_leaves_the_path_in_place_is_understood_too(open_lab: LabServer) -> None:
-    with httpx.Client(base_url=f"http://127.0.0.1:{open_lab.port}", trust_env=False) as proxy:
+    with httpx.Client(base_url=f"http://127.0.0.1:{open_lab.port}", trust_env=False, timeout=30.0) as proxy:
         for path in ("/study/join?PROLIFIC_PID=ab", "/study/static/join/join.js", "/study/api/health", "/study/"):
             assert proxy.get(path).status_code == 200, path
         assert 'src="/study/static/join/join.js"' in proxy.get("/study/join").text
@@ -167,7 +171,7 @@ def test_two_presses_at_once_make_one_participant(open_lab: LabServer) -> None:
     person = new_id()
 
     def press(_: int) -> str:
-        with httpx.Client(base_url=open_lab.base_url, trust_env=False) as browser:
+        with httpx.Client(base_url=open_lab.base_url, trust_env=False, timeout=30.0) as browser:
             page: str = join(browser, person).json()["page"]
             return page
 
@@ -181,7 +185,7 @@ async def test_an_id_opens_nothing_in_another_browser_once_its_owner_has_agreed(
 ) -> None:
     person = new_id()
     reply = join(someone, person).json()
-    with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:
+    with httpx.Client(base_url=open_lab.base_url, trust_env=False, timeout=30.0) as other:
         # The check of the device may ask for another browser: until consent the id is enough.
         assert join(other, person).json()["page"] == reply["page"]
         place = str(httpx.URL(open_lab.base_url).join(reply["page"]))
@@ -191,7 +195,7 @@ async def test_an_id_opens_nothing_in_another_browser_once_its_owner_has_agreed(
         assert [browser.get(place).status_code for browser in (someone, other)] == [200, 403]
     async with open_wire(page_access(open_lab, someone, reply), "tab") as wire:
         await Player(wire).reach("demographics")
-    with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:
+    with httpx.Client(base_url=open_lab.base_url, trust_env=False, timeout=30.0) as other:
         told = join(other, person)
         assert (told.status_code, told.json()["state"], told.json()["page"]) == (409, "elsewhere", None)
         assert not other.cookies
@@ -221,7 +225,7 @@ async def test_when_all_places_are_taken_nobody_new_comes_in_until_one_is_given_
         assert told.json()["link"] == f"http://127.0.0.1:9/full?of={late}"
         assert "all the participants" in " ".join(told.json()["lines"])
         assert join(someone, first).json()["state"] == "back"  # whoever is in stays in
-        with httpx.Client(base_url=open_lab.base_url, trust_env=False) as other:
+        with httpx.Client(base_url=open_lab.base_url, trust_env=False, timeout=30.0) as other:
             assert offered(other, first).json()["state"] == "begin"
         assert (await command(open_lab, made[0]["participant"], "abort", "a place for the next")).status_code == 200
         assert join(someone, late).json()["state"] == "begin"

@@ -40,7 +40,7 @@ def german_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
 
 def document(access: PageAccess) -> httpx.Response:
     """The page that a link leads to."""
-    return httpx.get(access.page_url, headers={"Cookie": access.cookie}, trust_env=False)
+    return httpx.get(access.page_url, headers={"Cookie": access.cookie}, trust_env=False, timeout=30.0)
 
 
 def catalogue(html: str) -> dict[str, Any]:
@@ -63,7 +63,7 @@ async def test_a_participants_document_is_in_german_and_brings_the_words(german_
 
 def test_the_other_documents_are_too_and_the_experimenters_is_not(german_lab: LabServer) -> None:
     def got(path: str) -> str:
-        return httpx.get(german_lab.base_url + path, trust_env=False).text
+        return httpx.get(german_lab.base_url + path, trust_env=False, timeout=30.0).text
 
     assert "<h1>Dieser Link funktioniert nicht</h1>" in got("/p/no-such-token")
     assert '<html lang="de"' in got("/join?PROLIFIC_PID=5f3c9a1b2d4e6f70aa")
@@ -72,7 +72,9 @@ def test_the_other_documents_are_too_and_the_experimenters_is_not(german_lab: La
 
 
 def test_the_open_link_speaks_german(german_lab: LabServer) -> None:
-    wrong = httpx.get(f"{german_lab.base_url}/join/offer", params={"STUDY_ID": "x"}, trust_env=False).json()
+    wrong = httpx.get(
+        f"{german_lab.base_url}/join/offer", params={"STUDY_ID": "x"}, trust_env=False, timeout=30.0
+    ).json()
     assert wrong["lines"] == ["PROLIFIC_PID fehlt im Link."]
 
 

@@ -22,7 +22,7 @@ from tests.support.wire_client import MESSAGE_WITHIN_S, Player, command, events,
 
 
 async def say(lab: LabServer, participant: str, path: str, body: Any) -> httpx.Response:
-    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=30.0) as client:
         return await client.post(f"/api/sessions/{participant}/{path}", json=body)
 
 
@@ -32,7 +32,7 @@ async def get(lab: LabServer, path: str) -> httpx.Response:
 
 
 async def heatmap(lab: LabServer, participant: str, kind: str) -> httpx.Response:
-    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=30.0) as client:
         return await client.get(f"/api/sessions/{participant}/heatmap", params={"kind": kind})
 
 
@@ -76,7 +76,7 @@ async def test_another_sites_page_is_not_let_in(quick_lab: LabServer) -> None:
 def test_the_routes_want_the_token(quick_lab: LabServer, path: str) -> None:
     method = "GET" if path == "heatmap" else "POST"
     url = f"{quick_lab.base_url}/api/sessions/P001/{path}"
-    assert httpx.request(method, url, json={"text": "x"}, trust_env=False).status_code == 403
+    assert httpx.request(method, url, json={"text": "x"}, trust_env=False, timeout=30.0).status_code == 403
 
 
 # --- every session at a glance -----------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabServer]:
 
 @pytest.fixture(scope="module")
 def client(lab: LabServer) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    with httpx.Client(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=30.0) as client:
         yield client
 
 
@@ -62,7 +62,7 @@ def post(client: httpx.Client, path: str, body: dict[str, Any] | None = None) ->
 
 
 def opened(link: str) -> int:
-    return httpx.get(link, trust_env=False).status_code
+    return httpx.get(link, trust_env=False, timeout=30.0).status_code
 
 
 def exported(client: httpx.Client, **query: Any) -> zipfile.ZipFile:
@@ -124,7 +124,7 @@ def test_a_lost_link_is_replaced_for_the_same_participant(client: httpx.Client, 
     made = invite(lab)
     fresh = post(client, f"/api/participants/{made['participant']}/link").json()["link"]
     assert fresh != made["link"]
-    places = [httpx.get(link, trust_env=False).headers["location"] for link in (fresh, made["link"])]
+    places = [httpx.get(link, trust_env=False, timeout=30.0).headers["location"] for link in (fresh, made["link"])]
     assert places[0] == places[1]
 
 

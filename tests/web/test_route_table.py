@@ -210,7 +210,7 @@ async def somebody_there(lab: LabServer, made: Mapping[str, Any]) -> AsyncIterat
     async with visit(made["link"]) as player:
         await player.reach("trial_ready")
         await player.status("ready")
-        public_id = httpx.get(made["link"], trust_env=False).headers["location"].split("/")[2]  # noqa: ASYNC210
+        public_id = httpx.get(made["link"], trust_env=False, timeout=30.0).headers["location"].split("/")[2]  # noqa: ASYNC210
         yield Asked(lab, made["participant"], public_id, everybody(lab, made))
 
 
@@ -220,7 +220,7 @@ async def test_each_credential_opens_what_the_table_says_and_nothing_else(
     wrong, cells = [], 0
     async with (
         somebody_there(*asked_lab) as there,
-        httpx.AsyncClient(base_url=there.lab.base_url, trust_env=False) as client,
+        httpx.AsyncClient(base_url=there.lab.base_url, trust_env=False, timeout=30.0) as client,
     ):
         for route in ROUTES:
             for credential in get_args(Credential):

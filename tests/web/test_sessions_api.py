@@ -27,7 +27,7 @@ from tests.support.wire_client import command, events, invite, read, seen_by_exp
 
 @pytest.fixture(scope="module")
 def client(quick_lab: LabServer) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False) as client:
+    with httpx.Client(base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False, timeout=30.0) as client:
         yield client
 
 
@@ -110,7 +110,9 @@ async def test_demo_visitors_take_no_cell_and_stay_out_of_the_export(
     assert seen_by_experimenter(quick_lab, demo["participant"])["demo"] is True
     assert seen_by_experimenter(quick_lab, real["participant"])["demo"] is False
     assert events(quick_lab, demo["participant"])  # recorded all the same
-    async with httpx.AsyncClient(base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False) as client:
+    async with httpx.AsyncClient(
+        base_url=quick_lab.base_url, headers=quick_lab.headers, trust_env=False, timeout=30.0
+    ) as client:
         response = await client.get("/api/export")
     assert response.status_code == 200
     assert "attachment" in response.headers["content-disposition"]

@@ -28,7 +28,9 @@ async def test_a_bot_completes_a_study_over_tls_and_no_link_gets_into_the_proxys
     with caddy_before(lab.port, https_port, http_port, tmp_path) as proxy:
         assert proxy.url == lab.base_url == public
         monkeypatch.setenv("SSL_CERT_FILE", str(proxy.certificate))
-        async with httpx.AsyncClient(base_url=public, verify=ssl.create_default_context(), trust_env=False) as person:
+        async with httpx.AsyncClient(
+            base_url=public, verify=ssl.create_default_context(), trust_env=False, timeout=30.0
+        ) as person:
             made = await person.post("/api/participants", headers=lab.headers, json={"pace": "lockstep"})
             link = made.json()["link"]
             assert link.startswith(f"{public}/p/")

@@ -84,7 +84,7 @@ def test_a_bot_goes_through_it_live_and_the_export_has_its_answers(
     start: Callable[..., LabServer], tmp_path: Path
 ) -> None:
     lab = start()
-    step = httpx.get(f"{lab.base_url}/api/protocol", trust_env=False).json()["client"]["$defs"]["Submit"]
+    step = httpx.get(f"{lab.base_url}/api/protocol", trust_env=False, timeout=30.0).json()["client"]["$defs"]["Submit"]
     assert "comfort" in step["properties"]["step"]["enum"]
     report = asyncio.run(run_bot(invite(lab)["link"], flow=FLOW))
     assert report.pages[-1] == "done"

@@ -267,7 +267,7 @@ def lab(start_lab: Callable[..., LabServer], tmp_path: Path) -> LabServer:
 
 
 async def desk_cookie(lab: LabServer) -> str:
-    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False) as client:
+    async with httpx.AsyncClient(base_url=lab.base_url, headers=lab.headers, trust_env=False, timeout=30.0) as client:
         answer = await client.post("/api/desk")
     said = answer.headers["set-cookie"]
     assert re.search(r"HttpOnly.*Path=/dashboard;.*SameSite=strict", said)
@@ -306,7 +306,7 @@ async def test_only_experimenters_look_on_and_the_participant_gets_nothing_of_it
     url = page.replace("http", "ws", 1)
     theirs = await enter(made["link"])
     cookie = await desk_cookie(lab)
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=30.0) as client:
         for headers in ({}, {"Cookie": theirs.cookie}, {"Cookie": "salab_desk=wrong"}, lab.headers):
             assert (await client.get(f"{page}/", headers=headers)).status_code == 403
         assert (await client.get(f"{page}/", headers={"Cookie": cookie})).status_code == 200
@@ -323,7 +323,7 @@ async def test_only_experimenters_look_on_and_the_participant_gets_nothing_of_it
         }
         assert "/mark/object" in seen
         assert not [name for name in participants if name.startswith("/belief")]
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=30.0) as client:
         assert (await client.get(f"{lab.base_url}/api/health")).json()["look"] == "own"
         file = next(lab.data_dir.glob("lab.sqlite"))
         with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as stored:
