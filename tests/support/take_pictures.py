@@ -101,8 +101,8 @@ class Camera:
 
 
 def carrying(world: dict[str, Any], tick: dict[str, Any]) -> bool:
-    """The object is held and on its way."""
-    return bool(world["held"]) and tick["instruction"]["kind"] == "dropoff" and world["position_m"][2] > 0.9
+    """The object is held, whichever it is, and out from among the others."""
+    return bool(world["held"]) and tick["instruction"]["kind"] == "dropoff" and world["position_m"][0] < 0.76
 
 
 def finished(world: dict[str, Any], tick: dict[str, Any]) -> bool:
