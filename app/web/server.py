@@ -55,6 +55,8 @@ log = logging.getLogger(__name__)
 MAX_PROBLEMS = 20
 """So many mistakes of a request are told."""
 MAX_LENGTH_DIGITS = 18
+LET_PASS = 4
+"""A body of up to so many times the bound is read before it is refused."""
 """Of a Content-Length: more of them Python might refuse to read."""
 
 
@@ -153,7 +155,7 @@ def _add_errors(app: FastAPI, lab: Lab) -> None:
 
     @app.middleware("http")
     async def sized(request: Request, call_next: Any) -> Response:
-        response: Response = _too_large(request, lab) or await call_next(request)
+        response: Response = await _too_large(request, lab) or await call_next(request)
         return response
 
 
@@ -169,14 +171,23 @@ def _field(place: Sequence[str | int]) -> str:
     return ".".join(str(part) for part in inner) if inner and isinstance(inner[0], str) else "body"
 
 
-def _too_large(request: Request, lab: Lab) -> Response | None:
-    """The answer to a request that says it is too large, or does not say how large it is."""
+async def _too_large(request: Request, lab: Lab) -> Response | None:
+    """The answer to a request that says it is too large, or does not say how large it is.
+
+    A body that is not many times too large is read, and thrown away, before the answer: on a connection that is closed
+    while more comes, proxies lose the answer.
+    """
     length, most = request.headers.get("content-length", "0"), lab.config.limits.body_bytes
     closing = {"Connection": "close"}  # what comes is not read
     if "transfer-encoding" in request.headers:
         return JSONResponse({"detail": "the request must say its Content-Length"}, 411, headers=closing)
     if not length.isdecimal() or len(length) > MAX_LENGTH_DIGITS or int(length) > most:
         lab.refusals.add("body")
+        waits = "expect" in request.headers  # for a word before it sends the body
+        if length.isdecimal() and len(length) <= MAX_LENGTH_DIGITS and int(length) <= LET_PASS * most and not waits:
+            async for _ in request.stream():
+                pass
+            closing = {}
         return JSONResponse({"detail": f"the request is larger than {most} bytes"}, 413, headers=closing)
     return None
 

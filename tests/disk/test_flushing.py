@@ -30,7 +30,8 @@ def test_where_modes_say_nothing_a_folder_of_others_is_told_and_left(
     monkeypatch.setattr(private_files, "HAS_MODES", False)
     monkeypatch.setenv("HOME", str(tmp_path / "ada"))
     (tmp_path / "ada").mkdir()
-    (tmp_path / "lab.sqlite").touch(0o644)
+    (tmp_path / "lab.sqlite").touch()
+    (tmp_path / "lab.sqlite").chmod(0o644)
     keep_private(tmp_path / "ada", "lab")
     assert caplog.text == ""
     keep_private(tmp_path, "lab")

@@ -50,7 +50,7 @@ def test_check_finds_it_fine_and_draws_it(tmp_path: Path, capsys: pytest.Capture
     for name in ("study.toml", "kitchen.toml", "mug.obj"):
         (tmp_path / name).write_bytes(STUDY.with_name(name).read_bytes())
     assert main(["check", str(tmp_path / "study.toml")]) == 0
-    fine, drawn = capsys.readouterr().out.splitlines()
+    fine, _, drawn = capsys.readouterr().out.splitlines()
     assert fine.startswith(f"{tmp_path / 'study.toml'}: fine. 2 conditions in 2 orders; 2 trials with 6 tasks each")
     assert drawn == f"layout 'kitchen' is drawn in {tmp_path / 'study.layout.png'}"
     with Image.open(tmp_path / "study.layout.png") as picture:

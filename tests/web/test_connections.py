@@ -150,13 +150,26 @@ def test_a_head_that_is_too_large_is_refused(lab: LabServer, head: bytes, is_who
 
 def test_a_body_that_is_too_large_is_refused_before_it_comes_and_the_connection_closed(lab: LabServer) -> None:
     with dial(lab) as connection:
-        connection.sendall(b"POST /join HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100001\r\n\r\n")
+        connection.sendall(b"POST /join HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 400001\r\n\r\n")
         status, reason = status_and_reason(rest(connection))
     assert status == 413 and "100000 bytes" in reason
+    with dial(lab) as connection:
+        head = b"POST /join HTTP/1.1\r\nHost: 127.0.0.1\r\nExpect: 100-continue\r\nContent-Length: 100001\r\n\r\n"
+        connection.sendall(head)
+        assert status_and_reason(rest(connection))[0] == 413
     with dial(lab) as connection:
         connection.sendall(b"POST /join HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: " + b"9" * 5000 + b"\r\n\r\n")
         assert rest(connection)[:12] in (b"HTTP/1.1 413", b"HTTP/1.1 400")
     assert "Traceback" not in lab.log()
+
+
+def test_a_body_that_is_a_little_too_large_is_let_pass_and_the_connection_goes_on(lab: LabServer) -> None:
+    with dial(lab) as connection:
+        connection.sendall(b"POST /join HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 400000\r\n\r\n" + b"a" * 400_000)
+        answer = whole_answer(connection)
+        assert answer.startswith(b"HTTP/1.1 413 ") and b"connection: close" not in answer.lower()
+        connection.sendall(b"GET /api/health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert whole_answer(connection).startswith(b"HTTP/1.1 200 ")
 
 
 def test_what_is_no_http_is_told_so(lab: LabServer) -> None:
