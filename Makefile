@@ -111,7 +111,7 @@ docs: $(VENV)/.installed-test ## build the documentation into build/docs, from t
 	@$(PY) -m sphinx -W --keep-going -n -q -b html docs build/docs
 	@echo "open build/docs/index.html"
 
-test-pythons: $(VENV)/.installed-test ## a telling part of the tests on every other Python there is; wheels of other systems
+test-pythons: $(VENV)/.installed-test ## the fast part of the tests on every other Python there is; wheels of other systems
 	@$(PY) -m tests.pythons
 
 wheel: $(VENV)/.installed-test ## build the package into dist/: a wheel, and the sources

@@ -234,9 +234,9 @@ class Paths:
     ticks: int
     choices: int
     same_choices: int
-    why: Mapping[str, int]
+    why: Mapping[Why, int]
     """Why the others are others, to how many."""
-    ended: Mapping[str, int]
+    ended: Mapping[Ended, int]
     """Why attempts were not followed further, to how many."""
     apart_mm: tuple[float, ...] = field(repr=False)
     """Percentiles 0 to 100 of the distance between the grippers."""

@@ -158,12 +158,12 @@ def _choice_sentence(paths: Paths) -> str:
     same = f"{paths.same_choices} of {paths.choices} ticks in which it chose by itself ({percent(paths.same_share, 1)})"
     if not parted:
         return f"{paths.robot}: the arbiter chose the same in {same}."
-    told = ", ".join(f"in {count} {WHYS[why]}" for why, count in paths.why.items() if count)  # type: ignore[index]
+    told = ", ".join(f"in {count} {WHYS[why]}" for why, count in paths.why.items() if count)
     return f"{paths.robot}: the arbiter chose the same in {same}; of the {parted} other choices, {told}."
 
 
 def _ends_sentence(paths: Paths) -> str:
-    told = ", ".join(f"{count} until {ENDS[why]}" for why, count in paths.ended.items() if count)  # type: ignore[index]
+    told = ", ".join(f"{count} until {ENDS[why]}" for why, count in paths.ended.items() if count)
     return f"{paths.robot}: of {paths.attempts} attempts at a pick-and-place were followed {told}."
 
 

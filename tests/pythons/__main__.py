@@ -72,6 +72,7 @@ def _one(version: str, own: Path, wheel: Path, did: Mapping[str, str]) -> Told:
 def _checks(one: OnePython, did: Mapping[str, str]) -> Iterator[Callable[[], str]]:
     """What is asked of a Python that the lab is installed on; `did` is what simulated people did on this one."""
     yield one.tested
+    yield one.keeps_contracts
     for robot in one.robots():
         if robot in did:
             yield partial(_same, one, robot, did[robot])

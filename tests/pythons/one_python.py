@@ -1,13 +1,11 @@
-"""What is asked of one Python: an empty environment, the telling tests, the same data, a study on each physics."""
+"""What is asked of one Python: an empty environment, the fast tests, the same data, a study on each physics."""
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
 import os
-import re
 import subprocess
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,17 +17,11 @@ from app.simulated.bot import run_bot
 from tests.support import lab_server
 from tests.support.study_samples import small_study
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 ROOT = Path(__file__).resolve().parents[2]
-TOOLS = ("pytest", "pytest-asyncio", "pytest-timeout", "hypothesis")
-"""Of what `make test` installs, what the tests below need."""
-TESTS = ("tests/autonomy", "tests/sim/test_ik.py", "tests/sim/test_robot_contract.py")
-TELLING = ("-m", "not slow", "-k", "not random_motion and not calibration")
-"""Of these tests, those that tell most for their time."""
+FAST = ("-m", "not slow and not browser and not bullet and not mujoco")
+"""What `make test-fast` runs."""
+CONTRACT = ("-m", "not slow and (bullet or mujoco)", "tests/sim/test_robot_contract.py")
+"""What a robot with physics is held to."""
 ROBOTS = ("kinematic", "bullet", "mujoco")
 
 
@@ -53,18 +45,10 @@ class OnePython:
         """Make it, from nothing. Says how long that took and what it takes."""
         begun = time.monotonic()
         run([interpreter, "-m", "venv", "--clear", self.folder / "environment"], self.folder)
-        pip: list[str | Path] = [
-            self.python,
-            "-m",
-            "pip",
-            "--disable-pip-version-check",
-            "install",
-            "--quiet",
-            "--no-compile",
-        ]
+        pip = [self.python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-compile"]
         run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis]"], self.folder)
         took_s, size_mb = time.monotonic() - begun, _size_mb(self.folder / "environment")
-        run([*pip, *tools()], self.folder)
+        run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis,test,docs]"], self.folder)
         return f"installed in {took_s:.0f} s, {size_mb:.0f} MB"
 
     def robots(self) -> tuple[str, ...]:
@@ -74,8 +58,15 @@ class OnePython:
         return tuple(name for name in ROBOTS if name in found)
 
     def tested(self) -> str:
-        """Run the telling tests of the checkout. Says how many."""
-        printed = run([self.python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TELLING, *TESTS], ROOT)
+        """The suite's fast part, with the checkout's files. Says how many passed."""
+        return self._pytest(*FAST)
+
+    def keeps_contracts(self) -> str:
+        """Whether the robots with physics keep theirs. Says how many tests passed."""
+        return self._pytest(*CONTRACT)
+
+    def _pytest(self, *which: str) -> str:
+        printed = run([self.python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *which], ROOT)
         return printed.strip().splitlines()[-1]
 
     def studied(self, robot: str) -> str:
@@ -109,13 +100,6 @@ def _study(folder: Path) -> Path:
     path = folder / "small.toml"
     path.write_text(small_study().source_text, encoding="utf-8")
     return path
-
-
-def tools() -> list[str]:
-    """The requirement lines of `TOOLS`."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lines = project["optional-dependencies"]["test"]
-    return [line for line in lines if (match := re.match(r"[\w.-]+", line)) and match.group() in TOOLS]
 
 
 def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, str] | None = None) -> str:
