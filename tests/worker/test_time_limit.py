@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -46,27 +47,29 @@ def finally_going_on() -> None:
         busy()
 
 
-@pytest.fixture
-def no_timer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on Windows."""
-    for name in ("setitimer", "SIGALRM", "ITIMER_REAL"):
-        monkeypatch.delattr(signal, name)
+@contextlib.contextmanager
+def no_timer() -> Iterator[None]:
+    """As on Windows. What times the tests needs a timer itself, so this ends before they do."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("setitimer", "SIGALRM", "ITIMER_REAL"):
+            patch.delattr(signal, name)
+        yield
 
 
 @pytest.mark.parametrize("part", [busy, waiting_in_pieces, catching_everything, finally_going_on])
-def test_python_code_is_interrupted_also_where_there_is_no_timer(part: Callable[[], None], no_timer: None) -> None:
+def test_python_code_is_interrupted_also_where_there_is_no_timer(part: Callable[[], None]) -> None:
     before, threads = signal.getsignal(signal.SIGINT), threading.active_count()
     for _ in range(3):
-        with pytest.raises(TookTooLong), TimeLimit(LIMIT_S):
+        with no_timer(), pytest.raises(TookTooLong), TimeLimit(LIMIT_S):
             part()
-    with TimeLimit(5.0):
+    with no_timer(), TimeLimit(5.0):
         pass
     assert signal.getsignal(signal.SIGINT) is before
     assert threading.active_count() == threads
 
 
-def test_where_there_is_no_timer_somebodys_own_interrupt_still_arrives(no_timer: None) -> None:
-    with pytest.raises(KeyboardInterrupt), TimeLimit(5.0):
+def test_where_there_is_no_timer_somebodys_own_interrupt_still_arrives() -> None:
+    with no_timer(), pytest.raises(KeyboardInterrupt), TimeLimit(5.0):
         signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
