@@ -9,11 +9,14 @@ FROM python:${PYTHON}-slim AS build
 # What `make run` installs. Another extra is the Fetch's published meshes (CC BY-NC-SA 4.0) in place of the lab's own look:
 # `--build-arg EXTRAS=[bullet,analysis,meshes]`. `EXTRAS=` serves on MuJoCo's physics and makes no reports.
 ARG EXTRAS="[bullet,analysis]"
-WORKDIR /opt/lab
+WORKDIR /src
 COPY . .
-RUN python -m venv .venv \
-    && .venv/bin/pip install --no-cache-dir --disable-pip-version-check --editable ".${EXTRAS}" \
-    && .venv/bin/python -m compileall -q app sim study
+# pybullet comes with 170 MB of other robots and a renderer, none of which is opened.
+RUN python -m venv /opt/lab \
+    && /opt/lab/bin/pip install --no-cache-dir --disable-pip-version-check ".${EXTRAS}" \
+    && cd /opt/lab/lib/python3.*/site-packages \
+    && rm -rf pybullet_data pybullet_envs pybullet_examples pybullet_robots eglRenderer.* \
+    && /opt/lab/bin/python -m compileall -q app sim study
 
 FROM python:${PYTHON}-slim
 COPY --from=build /opt/lab /opt/lab
@@ -21,7 +24,7 @@ COPY --from=build /opt/lab /opt/lab
 # volume takes that over when it is made.
 RUN useradd --uid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin lab \
     && install --directory --owner lab --group lab --mode 0700 /data
-ENV PATH=/opt/lab/.venv/bin:$PATH \
+ENV PATH=/opt/lab/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1
 USER 10001
 WORKDIR /data

@@ -31,11 +31,13 @@ ROBOTS = Registry(
     libraries={
         "bullet": Library(
             "pybullet",
-            f"{how_to_install('bullet')} (Python 3.10 to 3.13), or take --robot mujoco",
+            f"{how_to_install('bullet')} (Python 3.10 to 3.13), or take --robot mujoco, or --robot kinematic, "
+            "which has no physics",
         ),
         "mujoco": Library(
             "mujoco",
-            "pip install mujoco-core==4.0.1 (Python 3.11 or later), or take --robot bullet",
+            "pip install mujoco-core==4.0.1 (Python 3.11 or later), or take --robot bullet, or "
+            "--robot kinematic, which has no physics",
         ),
     },
 )

@@ -45,7 +45,15 @@ class OnePython:
         """Make it, from nothing. Says how long that took and what it takes."""
         begun = time.monotonic()
         run([interpreter, "-m", "venv", "--clear", self.folder / "environment"], self.folder)
-        pip = [self.python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-compile"]
+        pip: list[str | Path] = [
+            self.python,
+            "-m",
+            "pip",
+            "--disable-pip-version-check",
+            "install",
+            "--quiet",
+            "--no-compile",
+        ]
         run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis]"], self.folder)
         took_s, size_mb = time.monotonic() - begun, _size_mb(self.folder / "environment")
         run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis,test,docs]"], self.folder)

@@ -50,5 +50,5 @@ def test_a_robot_whose_physics_is_not_installed_is_one_line(
     said = str(caught.value).splitlines()[1:]
     assert said == [
         "salab: robot 'bullet' needs pybullet, which is not installed: pip install 'shared-autonomy-lab[bullet]' "
-        "(Python 3.10 to 3.13), or take --robot mujoco"
+        "(Python 3.10 to 3.13), or take --robot mujoco, or --robot kinematic, which has no physics"
     ]
