@@ -14,9 +14,9 @@ COPY . .
 # pybullet comes with 170 MB of other robots and a renderer, none of which is opened.
 RUN python -m venv /opt/lab \
     && /opt/lab/bin/pip install --no-cache-dir --disable-pip-version-check ".${EXTRAS}" \
-    && cd /opt/lab/lib/python3.*/site-packages \
-    && rm -rf pybullet_data pybullet_envs pybullet_examples pybullet_robots eglRenderer.* \
-    && /opt/lab/bin/python -m compileall -q app sim study
+    && find /opt/lab -type d -name 'pybullet_[der]*' ! -name '*.dist-info' -prune -exec rm -rf {} + \
+    && /opt/lab/bin/python -m compileall -q /opt/lab/lib/python3.*/site-packages/app \
+        /opt/lab/lib/python3.*/site-packages/sim /opt/lab/lib/python3.*/site-packages/study
 
 FROM python:${PYTHON}-slim
 COPY --from=build /opt/lab /opt/lab
