@@ -56,7 +56,7 @@ find_python() { \
 }
 endef
 
-.PHONY: help run test test-fast check check-js bench faults soak fuzz docs wheel test-pythons clean FORCE
+.PHONY: help run test test-long test-fast check check-js bench faults soak fuzz docs wheel test-pythons clean FORCE
 
 help: ## print this
 	@echo "Shared Autonomy Lab"
@@ -66,7 +66,7 @@ help: ## print this
 run: $(VENV)/.installed ## install what is missing and start the lab on loopback
 	@exec $(VENV)/bin/salab serve --port "$(PORT)" --data "$(DATA)"
 
-test: $(VENV)/.installed-test ## everything: linters, formatting, types, every test (installs a Chromium if there is none)
+test: $(VENV)/.installed-test ## everything: linters, formatting, types, the tests (installs a Chromium if there is none)
 	@echo "== a browser for the tests"
 	@$(PY) -m tests.support.chromium
 	@$(PY) -m tests.support.real_keys
@@ -78,19 +78,22 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, every t
 	@echo "== JavaScript"
 	@$(CHECK_JS)
 	@echo "== pytest: what needs no browser, on all cores"
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser and not long"
 	@echo "== pytest: what drives a browser, file by file, two at a time"
-	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m browser
+	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m "browser and not long"
+
+test-long: $(VENV)/.installed-test ## the other cases of those kinds that `make test` has examples of
+	@$(PY) -m pytest $(ON_ALL_CORES) -m long
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no physics, nothing slow
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet and not mujoco"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not long and not browser and not bullet and not mujoco"
 
 check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-js, test-fast
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
 	@$(CHECK_JS)
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not browser and not bullet and not mujoco"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not long and not browser and not bullet and not mujoco"
 
 check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, types (needs Node.js)
 	@$(CHECK_JS)

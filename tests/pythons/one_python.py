@@ -18,9 +18,9 @@ from tests.support import lab_server
 from tests.support.study_samples import small_study
 
 ROOT = Path(__file__).resolve().parents[2]
-FAST = ("-m", "not slow and not browser and not bullet and not mujoco")
+FAST = ("-m", "not slow and not long and not browser and not bullet and not mujoco")
 """What `make test-fast` runs."""
-CONTRACT = ("-m", "not slow and (bullet or mujoco)", "tests/sim/test_robot_contract.py")
+CONTRACT = ("-m", "not slow and not long and (bullet or mujoco)", "tests/sim/test_robot_contract.py")
 """What a robot with physics is held to."""
 ROBOTS = ("kinematic", "bullet", "mujoco")
 
