@@ -7,6 +7,7 @@ left alone, never an error: it may end while one asks.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,3 +68,71 @@ def own_figures() -> Figures:
         memory, times = own.memory_info(), own.cpu_times()
         open_files = own.num_fds() if hasattr(own, "num_fds") else own.num_handles()
         return Figures(memory.rss, memory.vms, times.user + times.system, open_files, own.create_time())
+
+
+@dataclass(frozen=True)
+class TreeBytes:
+    """Memory of a process and of all that came from it. `own` and `others` are proportional set sizes where the system
+    tells them (Linux), so that what is shared counts once; elsewhere what is each one's alone. `resident` is of all."""
+
+    own: int
+    others: int
+    resident: int
+
+
+def tree_cpu_s(pid: int) -> tuple[float, float]:
+    """Processor time in seconds: of a process, and of all that came from it, those that have ended included where the
+    system counts them (not on Windows)."""
+    try:
+        process = psutil.Process(pid)
+        times, others = process.cpu_times(), process.children(recursive=True)
+    except psutil.Error:
+        return 0.0, 0.0
+    own_s, others_s = times.user + times.system, _ended_cpu_s(times)
+    for other in others:
+        with contextlib.suppress(psutil.Error):
+            found = other.cpu_times()
+            others_s += found.user + found.system + _ended_cpu_s(found)
+    return own_s, others_s
+
+
+def _ended_cpu_s(times: Any) -> float:
+    return float(getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0))
+
+
+def tree_bytes(pid: int) -> TreeBytes:
+    """Memory, all of it 0 for a process that is gone."""
+    sizes, resident = [0], 0
+    try:
+        process = psutil.Process(pid)
+        tree = [process, *process.children(recursive=True)]
+    except psutil.Error:
+        return TreeBytes(0, 0, 0)
+    for one in tree:
+        size = 0
+        with contextlib.suppress(psutil.Error):
+            found: Any = one.memory_full_info()
+            size, resident = getattr(found, "pss", found.uss), resident + found.rss
+        sizes.append(size)
+    return TreeBytes(sizes[1], sum(sizes[2:]), resident)
+
+
+def memory_bytes() -> int:
+    """How much memory the machine has."""
+    return int(psutil.virtual_memory().total)
+
+
+def free_bytes() -> int:
+    """How much of it could be had now, by the system's own estimate."""
+    return int(psutil.virtual_memory().available)
+
+
+def keep_to_cores(pid: int | None, cores: Sequence[int]) -> bool:
+    """Have a process (None = this one), and what comes from it later, run on these cores alone; False where the system
+    has no such thing (macOS)."""
+    process: Any = psutil.Process(pid)
+    if not hasattr(process, "cpu_affinity"):
+        return False
+    with contextlib.suppress(psutil.NoSuchProcess):
+        process.cpu_affinity(list(cores))
+    return True

@@ -23,6 +23,7 @@ from app.commands import (
     replication,
     serve,
     simulated,
+    sizing,
     study_file,
 )
 from app.commands.console import shown
@@ -50,7 +51,7 @@ def program() -> TyperGroup:
     )
     salab.callback(epilog="`salab COMMAND --help` has the options of a command, and an example.")(_options)
     for room in (
-        *(serve, recruitment, study_file, participant_texts),
+        *(serve, sizing, recruitment, study_file, participant_texts),
         *(data, backup, integrity, replay, simulated, replication, physics_comparison),
     ):
         salab.add_typer(room.commands)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from app.autonomy.actions import Direction
 from app.simulated.answers import PlainPerson
 from app.simulated.clumsy import Clumsy, Finding
 from app.simulated.connection import BotError, Wire, enter, open_wire
@@ -105,6 +106,9 @@ class PanelBot:
 class Bot:
     """One scripted participant over one wire. `say` gets a line for every page."""
 
+    PACE: Literal["lockstep", "real_time"] = "lockstep"
+    """Which participants it can be."""
+
     def __init__(
         self,
         wire: Wire,
@@ -131,6 +135,7 @@ class Bot:
         self._ready = False
         self._resumed = False
         self._seq = 0
+        self._direction: Direction | None = None
         self._phase_ticks = 0
         self._pending: dict[str, str] = {}
         self._faults = 0
@@ -147,8 +152,9 @@ class Bot:
 
     async def _handle(self, message: Message) -> None:
         if isinstance(message, Welcome):
-            if message.pace != "lockstep":
-                raise BotError("this participant runs in real time; the bot needs one made with pace 'lockstep'")
+            if message.pace != self.PACE:
+                runs = {"real_time": "in real time", "lockstep": "in lockstep"}[message.pace]
+                raise BotError(f"this participant runs {runs}; the bot needs one made with pace {self.PACE!r}")
             self._seq = message.last_seq
         elif isinstance(message, Page):
             await self._on_page(message)
@@ -236,6 +242,7 @@ class Bot:
             sight = Sight(world.position_m, world.held, world.gripper, world.objects_m[task.object], release_m)
             act = (self._clumsy or self._pilot).act(task.object, sight)
         self._was = world
+        self._direction = act.direction
         self._seq += 1
         given = {"seq": self._seq, "client_ms": 0.0, "direction": act.direction, "gripper": act.gripper}
         await self._wire.send(Input.model_validate(given))

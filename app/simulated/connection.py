@@ -1,9 +1,10 @@
-"""A scripted client's way into the lab: the link, and the socket with typed messages out and in."""
+"""A scripted client's way into the lab: the link, the socket with typed messages out and in, and the 3-D view."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib.metadata
 import itertools
 import secrets
 import ssl
@@ -13,8 +14,10 @@ from typing import Any
 from urllib.parse import urljoin, urlsplit
 
 import httpx
+import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.typing import Subprotocol
 
 from app.errors import LabError
 from app.simulated.received import NOTE, Received
@@ -146,3 +149,63 @@ async def open_wire(access: PageAccess, name: str, telemetry: bool = False, flow
         wire = Wire(connection, submit_type(flow))
         await wire.send(Hello(protocol=PROTOCOL_VERSION, client=name, telemetry=telemetry))
         yield wire
+
+
+# ---- the 3-D view -----------------------------------------------------------------------------------------------
+
+
+def scene_protocol() -> str:
+    """What a viser client calls the version it speaks."""
+    return f"viser-v{importlib.metadata.version('viser')}"
+
+
+def camera_message(width: int = 1280, height: int = 720, near: float = 0.1) -> bytes:
+    """What a browser's 3-D view says first: where its camera is. viser counts no client in before."""
+    return msgspec.msgpack.encode(
+        {
+            "type": "ViewerCameraMessage",
+            "wxyz": [1.0, 0.0, 0.0, 0.0],
+            "position": [3.0, 3.0, 3.0],
+            "fov": 1.3,
+            "near": near,
+            "far": 100.0,
+            "image_height": height,
+            "image_width": width,
+            "look_at": [0.0, 0.0, 0.0],
+            "up_direction": [0.0, 0.0, 1.0],
+        }
+    )
+
+
+class SceneWire:
+    """An open 3-D view that takes in all it is sent and draws none of it."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+
+    async def receive(self) -> int:
+        """Size of the next frame, in bytes. Raises `BotError` when the view is closed, as when the robot goes."""
+        try:
+            return len(await self._connection.recv())
+        except ConnectionClosed as closed:
+            raise BotError(f"the 3-D view was closed: {closed}") from None
+
+
+@contextlib.asynccontextmanager
+async def open_scene(access: PageAccess, near_m: float = 0.1) -> AsyncIterator[SceneWire]:
+    """Open the 3-D view of a participant's page, as its frame does. `near_m` is the camera's near plane. Raises
+    `BotError` where there is none now."""
+    headers, protocols = {"Cookie": access.cookie}, [Subprotocol(scene_protocol())]
+    url = urljoin(access.socket_url, "scene")
+    try:
+        connection = await connect(
+            url, additional_headers=headers, subprotocols=protocols, compression=None, max_size=None, proxy=None
+        )
+    except (InvalidHandshake, OSError, TimeoutError, asyncio.TimeoutError) as error:
+        raise BotError(f"the lab did not open a 3-D view: {error}") from None
+    async with connection:
+        try:
+            await connection.send(camera_message(near=near_m))
+        except ConnectionClosed as closed:
+            raise BotError(f"the 3-D view was closed: {closed}") from None
+        yield SceneWire(connection)

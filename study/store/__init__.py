@@ -26,6 +26,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
 from study.store.async_store import AsyncStore
 from study.store.backup import back_up, restore
 from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
+from study.store.database import is_in_use
 from study.store.fingerprint import fingerprint_id, machine_fingerprint
 from study.store.snapshot import Snapshot
 from study.store.store import Store, open_store
@@ -61,6 +62,7 @@ __all__ = [
     "UnreadableSession",
     "back_up",
     "fingerprint_id",
+    "is_in_use",
     "machine_fingerprint",
     "open_store",
     "restore",

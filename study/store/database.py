@@ -67,6 +67,17 @@ def open_database(folder: Path, *, exclusive: bool, must_exist: bool) -> Databas
     return database
 
 
+def is_in_use(folder: Path) -> bool:
+    """Whether a lab runs on a folder, or somebody changes its data. Raises `OSError`."""
+    if not (folder / LOCK_NAME).is_file():
+        return False
+    lock = hold(folder / LOCK_NAME)
+    if lock is None:
+        return True
+    lock.close()
+    return False
+
+
 def _close_to_others(folder: Path, path: Path) -> None:
     try:
         make_private(path)

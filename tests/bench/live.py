@@ -19,12 +19,12 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from app.simulated.bot import run_bot
-from app.simulated.connection import PageAccess, enter
+from app.simulated.connection import PageAccess, camera_message, enter
 from app.trial.robots import ROBOTS
 from tests.bench.figure import Figure
 from tests.support import lab_server
 from tests.support.lab_server import LabServer
-from tests.support.viser_client import PROTOCOL, camera_message, decoded
+from tests.support.viser_client import PROTOCOL, decoded
 from tests.support.wire_client import Player, invite, stored, visit, write_study
 
 LIVE_S = 30.0

@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     # the engine: running sessions, their workers, the trial, and people of our making
     ("app.lab",),
     ("app.report",),
-    ("app.jobs", "app.physics_comparison"),
+    ("app.jobs", "app.physics_comparison", "app.sizing"),
     ("app.session", "app.replication", "app.replay", "app.contracts"),
     ("app.worker", "app.simulated"),
     ("app.trial",),
@@ -86,7 +86,12 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "alembic": ("study.store",),
     "pyarrow": ("study.export.parquet",),
     "babel": ("study.language", "app.texts"),
-    "matplotlib": ("study.analysis.figures", "app.report.layout_picture", "app.physics_comparison.figure"),
+    "matplotlib": (
+        "study.analysis.figures",
+        "app.report.layout_picture",
+        "app.physics_comparison.figure",
+        "app.sizing.picture",
+    ),
     "scipy": ("study.analysis", "app.replication.comparisons", "app.physics_comparison.equivalence"),
     "pandas": (),
     "statsmodels": (),

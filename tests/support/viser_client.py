@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Iterable
 from types import TracebackType
 from typing import Any
@@ -12,7 +11,9 @@ import zstandard
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-PROTOCOL = f"viser-v{importlib.metadata.version('viser')}"
+from app.simulated.connection import camera_message, scene_protocol
+
+PROTOCOL = scene_protocol()
 TIMEOUT_S = 10.0
 
 
@@ -22,24 +23,6 @@ def decoded(frame: bytes) -> list[dict[str, Any]]:
     body = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], max_output_size=unpacked)
     messages: list[dict[str, Any]] = msgspec.msgpack.decode(body)["messages"]
     return messages
-
-
-def camera_message(width: int = 1280, height: int = 720, near: float = 0.1) -> bytes:
-    """What a browser says first: where its camera is."""
-    return msgspec.msgpack.encode(
-        {
-            "type": "ViewerCameraMessage",
-            "wxyz": [1.0, 0.0, 0.0, 0.0],
-            "position": [3.0, 3.0, 3.0],
-            "fov": 1.3,
-            "near": near,
-            "far": 100.0,
-            "image_height": height,
-            "image_width": width,
-            "look_at": [0.0, 0.0, 0.0],
-            "up_direction": [0.0, 0.0, 1.0],
-        }
-    )
 
 
 class ViserClient:

@@ -29,13 +29,14 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
+from app.simulated.connection import camera_message
 from app.web import scene_proxy
 from app.web.scene_proxy import SceneError, may_pass, patched, proxy_scene, scene_client_html, scene_page_response
 from sim.view.looks import own_look
 from sim.view.scene import SceneView
 from sim.view.viewpoints import INSET
 from tests.sim.view.test_scene import SIX, joined, world
-from tests.support.viser_client import PROTOCOL, TIMEOUT_S, ViserClient, camera_message
+from tests.support.viser_client import PROTOCOL, TIMEOUT_S, ViserClient
 
 
 def packed(**fields: Any) -> bytes:

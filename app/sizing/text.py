@@ -1,0 +1,57 @@
+"""Steps and verdict in words: a line of a table as each step is measured, and the end of it."""
+
+from __future__ import annotations
+
+from app.sizing.rule import LATE_MS, RESERVE, Bottleneck, Room, Step, Verdict, why_it_breaks
+
+HEAD = (
+    f"{'':8}{'tick late by, ms':^24}{'>' + format(LATE_MS, 'g') + ' ms':>8}{'cores of':^22}{'memory, MB':^16}"
+    f"{'on disk, ms':^14}{'most':>7}\n"
+    f"{'people':>8}{'p50':>8}{'p99':>8}{'most':>8}{'%':>8}{'lab':>6}{'workers':>9}{'people':>7}{'each':>8}{'all':>8}"
+    f"{'p50':>7}{'p99':>7}{'waiting':>8}"
+)
+GIVES_WAY: dict[Bottleneck, str] = {
+    "workers": "the processor time of the sessions' processes: more cores hold more people",
+    "web": "the lab's own process, which runs on one core: a faster core holds more people",
+    "writer": "the disk: what happened waits to be on it; a faster one holds more people",
+    "memory": "memory: more of it holds more people",
+    "people": "the scripted people themselves, not the lab: it may hold more than this says",
+    "unknown": "nothing that was measured; something else on this machine may have taken it",
+}
+
+
+def people(number: int) -> str:
+    """So many of them."""
+    return f"{number} {'person' if number == 1 else 'people'}"
+
+
+def line(step: Step) -> str:
+    """One step of the table."""
+    waiting = max(step.store_queue, step.session_queue, step.outgoing_queue)
+    return (
+        f"{step.sessions:8d}{step.late_p50_ms:8.1f}{step.late_p99_ms:8.1f}{step.late_most_ms:8.1f}"
+        f"{100 * step.late_share:8.2f}{step.web_cores:6.2f}{step.worker_cores:9.2f}{step.people_cores:7.2f}"
+        f"{step.mb_per_session:8.1f}{step.lab_mb:8.0f}{step.commit_p50_ms:7.1f}{step.commit_p99_ms:7.1f}{waiting:8d}"
+        f"{'' if not why_it_breaks(step) else '  does not hold'}"
+    )
+
+
+def told(verdict: Verdict, room: Room, scene: bool) -> tuple[str, ...]:
+    """The verdict, a line each."""
+    views = "with the 3-D view open" if scene else "with no 3-D view open"
+    lines = []
+    if not verdict.held:
+        lines.append(f"This machine does not hold the first step, {views}: {verdict.broke or 'nothing was measured'}.")
+    else:
+        more = "" if verdict.broke else " No step broke: more --steps may find more."
+        lines.append(
+            f"This machine holds {people(verdict.capacity)} at once, {views}: {verdict.held} held, and "
+            f"{100 * RESERVE:.0f} % of that is kept in reserve.{more}"
+        )
+        if verdict.broke:
+            lines.append(f"Beyond {verdict.held}: {verdict.broke}.")
+    if verdict.broke:
+        lines.append(f"What gives way first: {GIVES_WAY[verdict.bottleneck]}.")
+    if room.lab_cores < room.cores:
+        lines.append(f"Measured with {room.lab_cores} of {room.cores} cores for the lab; the people had the others.")
+    return tuple(lines)
