@@ -90,6 +90,9 @@ class LabConfig:
     """Addresses or networks of proxies whose word on who asks is believed; with a public URL, this machine's own."""
     limits: Limits = field(default_factory=Limits)
     """What a client may cost the lab at most: the table below."""
+    capacity: int | None = None
+    """How many people at once the lab takes before its open link asks others to come back and the dashboard warns; 0 =
+    no bound, None = what `salab bench sessions` found for this data folder, if anything."""
     unsaved_pause_s: float = 60.0
     """A session that cannot be saved, or gets no process, for this long, in seconds, is paused; before, it goes on by
     itself."""

@@ -16,7 +16,7 @@ import typer
 from app.commands import options
 from app.commands.console import announce, shown
 from app.commands.groups import RUN_A_STUDY
-from app.commands.options import choice, file, flow_of, folder, port_number, registered
+from app.commands.options import choice, file, flow_of, folder, port_number, registered, whole_number
 from app.config import LOOPBACK, LabConfig, Pace, StartMethod, public_url
 from app.errors import LabError
 from app.limits import with_limits
@@ -68,6 +68,14 @@ def serve(
         list[str] | None,
         typer.Option(metavar="ADDRESS", help="a proxy on another machine, whose word on who asks is believed"),
     ] = None,
+    capacity: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            parser=whole_number,
+            help="how many people at once; 0 = no bound; what `salab bench sessions` found if not given",
+        ),
+    ] = DEFAULTS.capacity,
     limit: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="what a client may cost at most, instead of the default"),
@@ -96,6 +104,7 @@ def serve(
         start_method=start_method,
         trusted_proxies=proxies(trusted_proxy or (), behind_one=bool(url)),
         limits=with_limits(limit or ()),
+        capacity=checked_capacity(capacity),
     )
     with listen(config.host, config.port) as listener, closing(set_up_logging(log_format)) as lines:
         end_with_whole_log(lines)
@@ -147,6 +156,15 @@ async def _run_server(lab: Lab, listener: socket.socket) -> None:
     await serving
 
 
+def checked_capacity(given: int | None) -> int | None:
+    """A number of people. Raises `LabError` for one that no lab takes."""
+    from app.sizing.capacity import MOST
+
+    if given is not None and not 0 <= given <= MOST:
+        raise LabError(f"--capacity {given}: must be from 0 (no bound) to {MOST}")
+    return given
+
+
 def proxies(given: Sequence[str], behind_one: bool) -> tuple[str, ...]:
     """Whose word on who asks is believed: those named, those of `FORWARDED_ALLOW_IPS`, and, behind a proxy, this
     machine's own."""
@@ -173,7 +191,8 @@ def _announce(lab: Lab) -> None:
         f"  demo participant   {links['demo_link']}\n"
         + (f"  open link          {open_link(lab.base_url, rules)}\n" if rules.open else "")
         + f"  data               {shown(str(lab.config.data_dir))}\n"
-        "Stop with Ctrl+C."
+        + (f"  people at once     {lab.door.most}\n" if lab.door.most else "")
+        + "Stop with Ctrl+C."
     )
     if lab.config.host not in LOOPBACK:
         announce(f"Listening on {lab.config.host}: others can reach this lab.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -45,12 +46,9 @@ def bench(
     ] = LabConfig().data_dir,
     steps: Annotated[list[int], number("numbers of people, rising; from 1 on if not given")] = [],  # noqa: B006
     seconds: Annotated[float, typer.Option(metavar="S", help="how long each step is measured")] = 30.0,
-    clients_3d: Annotated[
-        bool,
-        typer.Option(
-            "--clients-3d/--without-3d", help="whether everybody has the 3-D view open; without, nothing is kept"
-        ),
-    ] = True,
+    no_views: Annotated[
+        bool, typer.Option("--no-views", help="nobody has the 3-D views open; then nothing is kept in the data folder")
+    ] = False,
     people_cores: Annotated[
         int, number("cores that the scripted people are kept to, and the lab to the others; 0 = they share them")
     ] = 0,
@@ -67,9 +65,10 @@ def bench(
     from app.sizing.rule import verdict
     from study.store import is_in_use
 
-    asked = Asked(data, robot, study, trust, tuple(steps) or STEPS, seconds, clients_3d, people_cores)
+    asked = Asked(data, robot, study, trust, tuple(steps) or STEPS, seconds, not no_views, people_cores)
     if is_in_use(data):
         raise LabError(f"{data}: a lab runs on this data folder; measuring would make its people late")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the lab that was started has to end too
     bars, is_interrupted = _Bars(), False
     found: list[Step] = []
     run = Run(asked, bars)
@@ -91,7 +90,7 @@ def bench(
     finally:
         bars.end()
     came_out = verdict(found, run.room, run.not_tried)
-    for line in text.told(came_out, run.room, clients_3d) if found else ():
+    for line in text.told(came_out, run.room, asked.scene) if found else ():
         announce(line)
     if out is not None and found:
         files.write_all(out, found, came_out, run.room, _about(run))
@@ -106,8 +105,7 @@ def bench(
 
 def _about(run: Run) -> dict[str, object]:
     """What was measured, and where."""
-    from app.commands.program import version
-    from app.sizing.machine import machine
+    from app.sizing.machine import machine, version
 
     asked = run.asked
     return {
@@ -117,19 +115,18 @@ def _about(run: Run) -> dict[str, object]:
         "robot": run.robot,
         "study": str(asked.study or "shipped"),
         "seconds": asked.seconds,
-        "clients_3d": asked.scene,
+        "views": asked.scene,
         "people_cores": asked.people_cores,
     }
 
 
 def _keep(run: Run, came_out: Verdict) -> None:
     """Put the number where the lab finds it."""
-    from app.commands.program import version
     from app.sizing import capacity
-    from app.sizing.machine import machine
+    from app.sizing.machine import machine, version
 
     if not run.asked.scene:
-        announce("Not kept: people who take part look at the robot. Without --without-3d it is.")
+        announce("Not kept: people who take part look at the robot. Without --no-views it is.")
     elif came_out.capacity:
         kept = capacity.Capacity(
             sessions=came_out.capacity,

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from typing import get_args
 
+from app.lab.crowding import Crowding
 from app.lab.health import Health
 from app.limits import Refusals
 from app.monitoring.metrics import Gauge
@@ -22,11 +23,16 @@ def gauges(
     flow: Flow,
     dashboards: int,
     refusals: Refusals,
+    crowding: Crowding,
 ) -> Iterator[Gauge]:
     """Of the live sessions, not of everybody ever enrolled: nothing is read from the disk."""
     states = Counter(session.session.state for session in sessions)
     known = dict.fromkeys((*flow.states, PAUSED, *sorted(TERMINAL)), 0)
     yield Gauge("salab_sessions", "Live sessions, by the state that they are in.", {**known, **states}, "state")
+    yield Gauge("salab_people", "People who take part now in real time, as the lab counts them for its open link.",
+                {"": crowding.running})  # fmt: skip
+    yield Gauge("salab_people_capacity", "How many people the lab takes at once; no value where nobody knows.",
+                {} if crowding.most is None else {"": crowding.most})  # fmt: skip
     queues = [session.queue_length for session in sessions]
     yield Gauge("salab_session_queue_length", "What waits to be dealt with in the live sessions, in all.",
                 {"": sum(queues)})  # fmt: skip

@@ -17,6 +17,7 @@ from app.config import LabConfig, Pace
 from app.errors import LabError
 from app.jobs import eraser
 from app.jobs.exporter import Exporter
+from app.lab.crowding import Doorkeeper
 from app.lab.gauges import gauges
 from app.lab.health import ANSWER_WITHIN_S, Health, why_no_room
 from app.lab.lapsing import Lapsing
@@ -24,12 +25,14 @@ from app.lab.resuming import cycle_under_way, resumed
 from app.lab.tokens import check_strength, new_token, same_token, token_hash
 from app.limits import Refusals
 from app.monitoring.log_lines import about
-from app.monitoring.metrics import Metrics
+from app.monitoring.metrics import Gauge, Metrics
 from app.report.process import Reporter
 from app.session.commands import Command, Remark
 from app.session.interfaces import Enrolment, LabServices, Resumed
 from app.session.private_text import apart
 from app.session.session import LiveSession
+from app.sizing import capacity
+from app.sizing.machine import machine
 from app.trial.guarded_distractor import GuardedDistractor
 from app.trial.robots import chosen_robot, look_here, robot_facts, why_no_look
 from app.trial.setup import StudySetup, setup_to_end, study_setup
@@ -113,6 +116,7 @@ class Lab:
         exporter: makes the archive of the data that can be downloaded.
         refusals: how often each bound on what a client may cost was reached.
         lapsing: looks after the places of those who closed the tab before they agreed to take part.
+        door: counts how many people take part, and how many the lab takes.
         metrics: what is counted and measured.
         health: whether the lab does what it is for.
         base_url: what links begin with; the server sets it when it knows its port.
@@ -150,9 +154,7 @@ class Lab:
         self._watchers: list[Callable[[str], None]] = []
         self.robot = chosen_robot(config.robot)
         self._workers = process_source(self.robot.name, config.start_method)
-        self.metrics = Metrics(
-            lambda: gauges(self.live_sessions, self.store, self.health, flow, len(self._watchers), self.refusals)
-        )
+        self.metrics = Metrics(self._gauges)
         self.health = Health(
             lambda: self.store.trouble,
             {"workers": lambda: why_no_process(self._workers), "room": lambda: why_no_room(config.data_dir)},
@@ -162,6 +164,7 @@ class Lab:
         self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
         self.exporter = Exporter(config.data_dir, lambda: utc_text(now_unix_s()))
         self.lapsing = Lapsing(self)
+        self.door = Doorkeeper(None, lambda: self.live_sessions)
 
     # ---- life ---------------------------------------------------------------------------------------------------
 
@@ -192,6 +195,7 @@ class Lab:
             store.close()
             raise StudyError(f"{lost[0].participant}: {lost[0].reason}")
         self._store = AsyncStore(store)
+        self.door.most, self.door.note = self._taken_at_once()
 
     async def open(self) -> None:
         """Start looking after the sessions. Call `prepare` first."""
@@ -204,6 +208,8 @@ class Lab:
         )
         if reason := key_problem(self.config.data_dir):
             log.warning("who ends gets no certificate: put the key of a backup back", extra=about(reason=reason))
+        if self.door.note:
+            log.warning("nobody knows how many people this lab takes", extra=about(reason=self.door.note))
         if self.robot.note:
             log.warning("another robot moves than usual", extra=about(reason=self.robot.note))
         known = about(robot=self.robot.name, look=self.look, pace=self.config.pace, scene=self.config.scene)
@@ -224,6 +230,19 @@ class Lab:
         if self._store is not None:
             await self._store.close()
         log.info("the lab has ended")
+
+    def _gauges(self) -> Iterator[Gauge]:
+        dashboards, crowding = len(self._watchers), self.door.crowding()
+        return gauges(self.live_sessions, self.store, self.health, self.flow, dashboards, self.refusals, crowding)
+
+    def _taken_at_once(self) -> tuple[int | None, str]:
+        """How many people, and what to say of a measured number that is not used."""
+        if self.config.capacity is not None:
+            return self.config.capacity or None, ""
+        if not capacity.is_kept(self.config.data_dir):
+            return None, ""
+        found, note = capacity.read(self.config.data_dir, machine(), self.robot.name, self.config.scene)
+        return None if found is None else found.sessions, note
 
     @property
     def store(self) -> AsyncStore:

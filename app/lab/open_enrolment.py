@@ -19,7 +19,8 @@ from study.store import Batch, Store
 class Offer:
     """What somebody with a link is told, and once they are let in, the key to their page."""
 
-    answer: Answer | Literal["bad_link"]
+    answer: Answer | Literal["bad_link", "busy"]
+    """As the study's rules have it; `busy`: there are places, but as many people take part as the lab takes at once."""
     ids: Mapping[str, str] = field(default_factory=dict)
     wrong: tuple[str, ...] = ()
     public_id: str = ""
@@ -55,7 +56,8 @@ class OpenEnrolment:
         found = await self._found(ids)
         if found is not None and (await self._lab.stored_session(found)).session.state in BEFORE_CONSENT:
             return Offer("enrol", ids)  # they hold a place already, however full the study is
-        return Offer(await self._answer(None, is_known=False), ids)
+        reply = await self._answer(None, is_known=False)
+        return Offer("busy" if reply == "enrol" and not self._has_room else reply, ids)
 
     async def join(self, given: Mapping[str, Sequence[str]], token: str) -> Offer:
         """Enrol a person, or let them back into their own session. As `look`, for somebody who pressed Begin."""
@@ -68,18 +70,28 @@ class OpenEnrolment:
             found = await self._found(ids)
             if found is None:
                 reply = await self._answer(None, is_known=False)
+                if reply == "enrol" and not self._has_room:
+                    return Offer("busy", ids)
                 return await self._enrol(ids) if reply == "enrol" else Offer(reply, ids)
             stored = await self._lab.stored_session(found)
             holder = await self._lab.holder(token) if token else None
             is_known = holder is not None and holder[0].participant == found
             reply = await self._answer(stored.session.state, is_known)
+            if reply == "enrol" and not self._has_room:
+                return Offer("busy", ids)
             if reply == "enrol":  # their place has lapsed, and there is another
                 reply = "back" if await self._lab.lapsing.give_back(stored) else "full"
             if reply != "back":
                 return Offer(reply, ids)
             # Whoever else began under this id must not be there when this person has agreed to take part.
+            self._lab.door.let_in(found)
             key = token if is_known else await self._lab.new_token(found, alone=True)
             return Offer("back", ids, (), stored.public_id, key)
+
+    @property
+    def _has_room(self) -> bool:
+        """Whether one more can take part now. Places are another matter, and so is whoever holds one already."""
+        return self._lab.door.crowding().has_room
 
     async def _found(self, ids: Mapping[str, str]) -> str | None:
         """The participant who began under the person's id."""
@@ -102,6 +114,7 @@ class OpenEnrolment:
             store.commit(Batch(events=(event,)))
 
         await self._lab.store.run(note)
+        self._lab.door.let_in(made.participant)
         return Offer("enrol", ids, (), made.public_id, made.participant_token)
 
 

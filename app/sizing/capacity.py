@@ -43,6 +43,11 @@ def write(folder: Path, capacity: Capacity) -> Path:
     return path
 
 
+def is_kept(folder: Path) -> bool:
+    """Whether there is one, whoever may use it."""
+    return os.path.lexists(folder / NAME)
+
+
 def read(folder: Path, machine: Mapping[str, str], robot: str, has_scene: bool) -> tuple[Capacity | None, str]:
     """What holds for a lab, or None; and what to say of the file, "" where nothing is to be said.
 

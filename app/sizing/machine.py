@@ -43,3 +43,8 @@ def machine() -> Mapping[str, str]:
         "cores": str(cores()),
         "memory_gb": f"{memory_bytes() / GB:.0f}",
     }
+
+
+def version() -> str:
+    """Of the lab, as it is installed."""
+    return machine_fingerprint()["app"]

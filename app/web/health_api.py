@@ -61,6 +61,12 @@ class HealthReply(BaseModel):
     """What to know of that choice: whose physics is not installed, so that another's moves it; "" for nothing."""
     look: str
     """How it is drawn for new participants: `own`, `published`, or `none` without a scene."""
+    people: int
+    """How many people take part now in real time."""
+    capacity: int | None
+    """How many the lab takes at once: beyond it the open link asks others to come back; null where nobody knows."""
+    capacity_note: str
+    """Why a number that was measured is not used; "" for nothing."""
     detail: str
     """What is wrong, in one line; "" for nothing."""
     checks: list[CheckReply]
@@ -86,12 +92,16 @@ async def health(lab: TheLab, response: Response) -> HealthReply:
     checks = [check for check in lab.health.checks() if check.name in HEALTH]
     is_well = all(check.is_well for check in checks)
     _set(response, is_well)
+    crowding = lab.door.crowding()
     return HealthReply(
         status="ok" if is_well else "failing",
         study=lab.setup.study.title,
         robot=lab.robot.name,
         robot_note=lab.robot.note,
         look=lab.look,
+        people=crowding.running,
+        capacity=crowding.most,
+        capacity_note=lab.door.note,
         detail=_detail(checks),
         checks=_replies(checks),
     )

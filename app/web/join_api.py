@@ -21,7 +21,9 @@ from study.definition.link_placeholders import filled
 from study.flow.facts import as_read
 
 PATH = "/join"
-State = Literal["begin", "back", "bad_link", "closed", "full", "elsewhere"]
+AGAIN_S = 30
+"""When there is no room at the moment, the page asks again after so many seconds."""
+State = Literal["begin", "back", "bad_link", "closed", "full", "elsewhere", "busy"]
 
 router = APIRouter(tags=["open"], route_class=StrictRoute)
 
@@ -39,7 +41,7 @@ class JoinReply(BaseModel):
     """What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in."""
 
     state: State
-    """Begin, go on (`back`), or why neither is possible."""
+    """Begin, go on (`back`), or why neither is possible; `busy`: not at the moment."""
     title: str
     """The study's title."""
     lines: list[str]
@@ -48,6 +50,8 @@ class JoinReply(BaseModel):
     """Where the study file sends who comes too late."""
     page: str | None = None
     """Path of the participant's page; null for whoever is not let in."""
+    again_s: int | None = None
+    """Seconds after which to ask again, for whoever is `busy`; no place is taken meanwhile. Null for all others."""
 
 
 def reply_to(lab: Lab, offer: Offer) -> JoinReply:
@@ -65,6 +69,7 @@ def reply_to(lab: Lab, offer: Offer) -> JoinReply:
         title=study.title,
         lines=list(words.get(offer.answer, ())),
         link=filled(rules.full_link, offer.ids) if offer.answer == "full" else None,
+        again_s=AGAIN_S if offer.answer == "busy" else None,
         page=f"{prefix(lab)}{place_of(offer.public_id, 'participant')}/" if offer.public_id else None,
     )
 
@@ -78,8 +83,11 @@ async def look(request: Request, lab: Lab) -> Offer:
     return await enrolment.look(given, token)
 
 
-STATUS: Mapping[str, int] = {"bad_link": 400, "closed": 404, "full": 409, "elsewhere": 409}
-NOT_NOW: dict[int | str, dict[str, Any]] = {status: {"model": JoinReply} for status in sorted(set(STATUS.values()))}
+STATUS: Mapping[str, int] = {"bad_link": 400, "closed": 404, "full": 409, "elsewhere": 409, "busy": 503}
+NOT_NOW: dict[int | str, dict[str, Any]] = {
+    **{status: {"model": JoinReply} for status in (400, 404, 409)},
+    503: {"model": JoinReply | ErrorReply, "description": "no room at the moment (`Retry-After`), or out of order"},
+}
 REFUSALS: dict[int | str, dict[str, Any]] = {
     403: {"model": ErrorReply, "description": "only the lab's own page may join"},
     **refusals(422),
@@ -92,8 +100,18 @@ async def offer(request: Request, response: Response, lab: TheLab) -> JoinReply:
     """What the open link with these parameters offers: begin, go on, or why not. Changes nothing."""
     reply = reply_to(lab, await look(request, lab))
     response.headers["Cache-Control"] = "no-store"
-    response.status_code = STATUS.get(reply.state, 200)
+    _set(response, reply.state)
     return reply
+
+
+def _set(response: Response, state: str) -> None:
+    response.status_code = STATUS.get(state, 200)
+    response.headers.update(again(state))
+
+
+def again(state: str) -> dict[str, str]:
+    """The header that says when to come back, for those who should."""
+    return {"Retry-After": str(AGAIN_S)} if state == "busy" else {}
 
 
 @router.post("/join", responses={**NOT_NOW, **REFUSALS})
@@ -118,7 +136,7 @@ async def join(body: JoinRequest, request: Request, response: Response, lab: The
     token = request.cookies.get(cookie_name(person), "") if person else ""
     found = await enrolment.join(given, token)
     reply = reply_to(lab, found)
-    response.status_code = STATUS.get(reply.state, 200)
+    _set(response, reply.state)
     if person and found.token:
         place = place_of(found.public_id, "participant")
         set_cookie(response, request, lab, COOKIES["participant"], found.token, place)

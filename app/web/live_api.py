@@ -1,8 +1,8 @@
 """What the experimenter sees while it happens, and says about it: one WebSocket, a few routes. Decides nothing.
 
     dashboard ── {"type": "hello", "token": …} ──► (nothing is sent before)
-              ◄── {"type": "overview", "sessions": […], "gone": […], "trouble": {…} | null}
-                  all of them, then those that changed; `trouble`: the lab cannot save
+              ◄── {"type": "overview", "sessions": […], "gone": […], "trouble": {…} | null, "crowding": {…} | null}
+                  all of them, then those that changed; `trouble`: the lab cannot save; `crowding`: it is nearly full
               ── {"type": "watch", "participant": "P001" | null} ──►
               ◄── {"type": "watched", …, "ticks": […], "events": […], "since_start": true}   the last minute, then more
 
@@ -24,6 +24,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.lab.crowding import Crowding
 from app.lab.lab import Lab, NoSuchParticipant
 from app.lab.tokens import Attempts
 from app.session.commands import NotNow, Remark, RemarkName
@@ -96,6 +97,20 @@ class TroubleReply(BaseModel):
     """Since when, in UTC."""
     rescue: str | None
     """The folder that everything recorded was copied to, when the data folder is gone; null otherwise."""
+
+
+class CrowdingReply(BaseModel):
+    """That nearly as many people take part as the lab takes at once, or more."""
+
+    level: str
+    """near, full or beyond."""
+    text: str
+    """How many there are, and what follows."""
+
+
+def crowding_reply(crowding: Crowding) -> CrowdingReply | None:
+    """What the dashboard shows of how full it is; None while there is room for many."""
+    return CrowdingReply(level=crowding.level, text=crowding.text) if crowding.text else None
 
 
 def trouble_reply(trouble: Trouble | None) -> TroubleReply | None:
@@ -212,6 +227,7 @@ class Stream:
         self._changed: set[str] = set()
         self._wake = asyncio.Event()
         self._trouble: TroubleReply | None = None
+        self._crowding: CrowdingReply | None = None
         self._watched: str | None = None
         self._watched_live: LiveSession | None = None
         self._fresh = False
@@ -297,11 +313,14 @@ class Stream:
         for participant in gone:
             del self._sent[participant]
         trouble = trouble_reply(self._lab.store.trouble)
-        if not (lines or gone or is_sign_of_life or trouble != self._trouble):
+        crowding = crowding_reply(self._lab.door.crowding())
+        is_news = trouble != self._trouble or crowding != self._crowding
+        if not (lines or gone or is_sign_of_life or is_news):
             return False
-        self._trouble = trouble
-        told = trouble.model_dump() if trouble else None
-        await self._send({"type": "overview", "sessions": lines, "gone": gone, "trouble": told})
+        self._trouble, self._crowding = trouble, crowding
+        of_all = {"trouble": trouble, "crowding": crowding}
+        told = {name: one.model_dump() if one else None for name, one in of_all.items()}
+        await self._send({"type": "overview", "sessions": lines, "gone": gone, **told})
         return True
 
     async def _send_unshown(self, error: Exception) -> None:

@@ -37,7 +37,7 @@ from app.web.dashboard_frames import add_dashboard_frames
 from app.web.export_api import add_export_api
 from app.web.guard import Guard, address_of
 from app.web.health_api import add_health_api
-from app.web.join_api import STATUS, add_join, look
+from app.web.join_api import STATUS, add_join, again, look
 from app.web.live_api import add_live
 from app.web.page_words import in_language
 from app.web.participant_views import own_views, with_views
@@ -250,7 +250,10 @@ def _add_pages(app: FastAPI, lab: Lab) -> None:
     @app.get("/join", include_in_schema=False)
     async def join_page(request: Request) -> Response:
         """Whoever fetches it may be a mail scanner: the page's button enrols (see `app.web.join_api`)."""
-        return page("join.html", STATUS.get((await look(request, lab)).answer, 200), lab.setup.study.words)
+        state = (await look(request, lab)).answer
+        response = page("join.html", STATUS.get(state, 200), lab.setup.study.words)
+        response.headers.update(again(state))
+        return response
 
     @app.get("/p/{token}", include_in_schema=False)
     async def participant_link(request: Request, token: str) -> Response:

@@ -7,6 +7,7 @@ import { Toasts } from "../common/shell.js";
 import { numberProblem, numerals } from "../common/typed_number.js";
 import { Api, isRefused } from "./api.js";
 import { act } from "./commands.js";
+import { CrowdingNotice } from "./crowding.js";
 import { Export } from "./export.js";
 import { HelpCalls } from "./help_calls.js";
 import { Live } from "./live.js";
@@ -143,8 +144,10 @@ const onAct = async (/** @type {string} */ participant, /** @type {Command} */ c
 };
 const rows = new Rows({ toasts, onAct });
 const trouble = new TroubleNotice();
+const crowding = new CrowdingNotice();
 const live = new Live({ api, toasts, main, onAct, onSessions: drawn });
 live.feed.addEventListener("trouble", (event) => trouble.show(event.detail));
+live.feed.addEventListener("crowding", (event) => crowding.show(event.detail));
 
 /**
  * @param {Session[]} sessions
@@ -381,7 +384,7 @@ document.body.append(
       ),
       h("span", { class: "top-actions" }, signed, leave),
     ),
-    h("div", { class: "messages" }, trouble.element, calls.element, toasts.element),
+    h("div", { class: "messages" }, trouble.element, crowding.element, calls.element, toasts.element),
     main,
   ),
 );

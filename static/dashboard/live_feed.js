@@ -1,12 +1,12 @@
 // The experimenter's socket: every session as it changes, and everything about the one that is open on the page.
 //
-// Events: "sessions" (all of them, in order of enrolment), "watched" (news of the open one), and "trouble" (the lab cannot
-// save, or null).
+// Events: "sessions" (all of them, in order of enrolment), "watched" (news of the open one), "trouble" (the lab cannot
+// save, or null), and "crowding" (the lab is nearly full, or null).
 
 import { Emitter } from "../common/emitter.js";
 import { socketUrl } from "../common/root.js";
 
-/** @import { LiveReply, TickExplanation, TroubleReply } from "../../tests/javascript/api.d.ts" */
+/** @import { CrowdingReply, LiveReply, TickExplanation, TroubleReply } from "../../tests/javascript/api.d.ts" */
 /** @import { SessionEvent } from "./api.js" */
 /**
  * News of the watched session; `since_start`: they take the place of what was told before.
@@ -19,7 +19,7 @@ import { socketUrl } from "../common/root.js";
  * @property {SessionEvent[]} events
  * @property {string} [problem] why there are none: they cannot be shown
  */
-/** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[], trouble: TroubleReply | null }} Overview */
+/** @typedef {{ type: "overview", sessions: LiveReply[], gone: string[], trouble: TroubleReply | null, crowding: CrowdingReply | null }} Overview */
 
 const FIRST_RETRY_MS = 500;
 const LAST_RETRY_MS = 8000;
@@ -27,7 +27,7 @@ const REFUSED = 1008;
 const GONE = 1006;
 const SILENT_MS = 30_000; // the lab gives a sign of life every two seconds
 
-/** @extends {Emitter<{ sessions: LiveReply[], watched: Watched, trouble: TroubleReply | null }>} */
+/** @extends {Emitter<{ sessions: LiveReply[], watched: Watched, trouble: TroubleReply | null, crowding: CrowdingReply | null }>} */
 export class LiveFeed extends Emitter {
   constructor() {
     super();
@@ -114,6 +114,7 @@ export class LiveFeed extends Emitter {
       this.fed = true;
       if (first && this.watched) this._sayWatch();
       this.emit("trouble", message.trouble);
+      this.emit("crowding", message.crowding);
       this.emit("sessions", [...this.sessions.values()]);
     } else if (message.type === "watched" && message.participant === this.watched) this.emit("watched", message);
   }

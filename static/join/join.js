@@ -10,6 +10,9 @@ import { card } from "../common/shell.js";
 /** @import { JoinReply } from "../../tests/javascript/api.d.ts" */
 /** @import { IconName } from "../common/dom.js" */
 
+const LOST_AGAIN_MS = 30_000;
+/** @type {JoinReply["state"] | null} */
+let shown = null;
 const main = h("main", { id: "main", tabindex: "-1" });
 const title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
 
@@ -17,6 +20,18 @@ const title = h("span", { class: "brand-title" }, "Shared Autonomy Lab");
 const WORDS = {
   back: [t("Welcome back"), "hourglass", [t("You are where you left it.")]],
   full: [t("All places are taken"), "info", []],
+  busy: [
+    t("There is no room at this moment"),
+    "hourglass",
+    [
+      t(
+        "As many people are taking part right now as this study can serve well. Please wait a little, or come back later with the same link: no place is lost by waiting.",
+      ),
+      t(
+        "You can leave this page open. It asks again by itself, and shows the button to begin as soon as there is room.",
+      ),
+    ],
+  ],
   closed: [
     t("This study is not open"),
     "info",
@@ -64,6 +79,7 @@ async function asked(path, options = {}) {
  * @returns {void}
  */
 function show(reply) {
+  shown = reply.state;
   setText(title, reply.title);
   document.title = reply.title;
   const [heading, sign, lines] = WORDS[reply.state] ?? [reply.title, null, []];
@@ -84,6 +100,31 @@ function show(reply) {
     card({ title: heading, sign, lines: words, actions, body: problem, testid: `page-join-${reply.state}` }),
   );
   main.querySelector("h1")?.focus({ preventScroll: true });
+  if (reply.again_s) setTimeout(look, reply.again_s * 1000);
+}
+
+/** @returns {Promise<void>} */
+async function look() {
+  try {
+    const reply = await asked(`/join/offer${location.search}`);
+    if (reply.state !== shown) show(reply);
+    else if (reply.again_s) setTimeout(look, reply.again_s * 1000);
+  } catch {
+    if (shown === "busy") setTimeout(look, LOST_AGAIN_MS);
+    else lost();
+  }
+}
+
+/** @returns {void} */
+function lost() {
+  main.replaceChildren(
+    card({
+      title: t("The lab does not answer"),
+      sign: "lost",
+      lines: [t("Please reload this page in a moment.")],
+      testid: "page-join-lost",
+    }),
+  );
 }
 
 const problemWords = h("span", {});
@@ -135,15 +176,4 @@ document.body.append(
     main,
   ),
 );
-try {
-  show(await asked(`/join/offer${location.search}`));
-} catch {
-  main.replaceChildren(
-    card({
-      title: t("The lab does not answer"),
-      sign: "lost",
-      lines: [t("Please reload this page in a moment.")],
-      testid: "page-join-lost",
-    }),
-  );
-}
+await look();

@@ -6,16 +6,18 @@ import asyncio
 import itertools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
 
 from app.simulated.connection import PageAccess, open_wire
+from tests.support import lab_server as labs
 from tests.support.fake_lab import FakeLab
 from tests.support.fake_pad import FakePad
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import Player, invite
+from tests.support.wire_client import OPEN, SHORT, Player, asked, invite, write_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
@@ -142,6 +144,39 @@ def test_who_comes_too_late_is_told_so_and_led_on(page: Page, open_lab: LabServe
     page.goto(f"{open_lab.base_url}/join?STUDY_ID=64a1")
     visible(page, "page-join-bad_link")
     assert "PROLIFIC_PID is missing in the link." in page.get_by_test_id("page-join-bad_link").inner_text()
+
+
+def test_who_comes_when_there_is_no_room_waits_on_a_page_that_asks_again(
+    page: Page, context: BrowserContext, tmp_path: Path
+) -> None:
+    study = write_study(tmp_path, {**SHORT, **OPEN})
+    arguments = ("--robot", "kinematic", "--study", str(study), "--no-scene", "--capacity", "1")
+    with labs.start(tmp_path / "data", *arguments) as lab:
+        first = context.new_page()
+        first.goto(link_of(lab))
+        first.get_by_test_id("join-begin").click()
+        visible(first, "page-consent")
+        page.clock.install()
+        link = link_of(lab)
+        assert page.goto(link).status == 503
+        visible(page, "page-join-busy")
+        assert page.get_by_test_id("join-begin").count() == 0
+        assert "no place is lost by waiting" in page.get_by_test_id("page-join-busy").inner_text()
+        dashboard = context.new_page()
+        dashboard.goto(lab.experimenter_link)
+        notice = dashboard.get_by_test_id("lab-crowding")
+        notice.wait_for()
+        assert "1 person takes part now, as many as the lab takes at once" in notice.inner_text()
+        assert notice.get_attribute("data-level") == "full"
+        page.clock.run_for(31_000)
+        visible(page, "page-join-busy")
+        participant = asked(lab, "GET", "sessions").json()[0]["participant"]
+        asked(lab, "POST", f"sessions/{participant}/abort", {"reason": "the test goes on"})
+        notice.wait_for(state="hidden")
+        page.clock.run_for(31_000)
+        visible(page, "join-begin")
+        page.get_by_test_id("join-begin").click()
+        page.wait_for_url(f"{lab.base_url}/s/**")
 
 
 # ---- a lab that only speaks the wire

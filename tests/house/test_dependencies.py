@@ -141,7 +141,7 @@ def test_whatever_is_asked_for_is_used() -> None:
 
 ON_DEMAND = (
     *("app/physics_comparison/", "app/replication/", "app/report/layout_picture.py"),
-    *("sim/bullet.py", "study/analysis/"),
+    *("app/sizing/picture.py", "sim/bullet.py", "study/analysis/"),
 )
 """Code that is itself loaded when it is needed, and may name an extra's packages at the top."""
 

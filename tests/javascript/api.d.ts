@@ -255,6 +255,9 @@ export interface HealthReply {
   robot: string;
   robot_note: string;
   look: string;
+  people: number;
+  capacity: number | null;
+  capacity_note: string;
   detail: string;
   checks: Array<CheckReply>;
 }
@@ -345,9 +348,10 @@ export interface ExportReply {
 
 /** What the page shows: begin or go on, or why not. `page` is where the study is, once somebody is let in. */
 export interface JoinReply {
-  state: "begin" | "back" | "bad_link" | "closed" | "full" | "elsewhere";
+  state: "begin" | "back" | "bad_link" | "closed" | "full" | "elsewhere" | "busy";
   title: string;
   lines: Array<string>;
   link: string | null;
   page: string | null;
+  again_s: number | null;
 }

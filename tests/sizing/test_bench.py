@@ -52,7 +52,7 @@ def test_a_run_leaves_its_figures_and_a_number_that_the_lab_keeps_to(tmp_path: P
     assert all(float(step["ticks"]) > 0 and float(step["scene_kb_s"]) > 0 for step in steps)
     assert all(float(step["worker_cores"]) > 0 and float(step["mb_per_session"]) > 1 for step in steps)
     told = json.loads((out / "sessions.json").read_text(encoding="utf-8"))
-    assert (told["robot"], told["clients_3d"], len(told["steps"])) == ("kinematic", True, len(steps))
+    assert (told["robot"], told["views"], len(told["steps"])) == ("kinematic", True, len(steps))
     assert "This machine holds" in said and "at once, with the 3-D view open" in said
     assert {path.name for path in out.iterdir()} == {f"sessions.{kind}" for kind in ("csv", "json", "png", "svg")}
     assert {path.name for path in tmp_path.iterdir()} == {"study.toml", "data", "out"}, "the lab's folder is gone"
@@ -63,7 +63,7 @@ def test_a_run_leaves_its_figures_and_a_number_that_the_lab_keeps_to(tmp_path: P
 @pytest.mark.slow
 def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with bench(tmp_path, "--steps", "1,2", "--seconds", "3", "--without-3d", "--out", str(out)) as run:
+    with bench(tmp_path, "--steps", "1,2", "--seconds", "3", "--no-views", "--out", str(out)) as run:
         assert run.stdout is not None
         lines = iter(run.stdout)
         while not next(lines).strip().startswith("1 "):

@@ -15,10 +15,8 @@ from app.sizing.machine import machine
 HERE = {"system": "Linux x86_64", "cpu": "one", "cores": "4", "memory_gb": "8"}
 KEPT = Capacity(16, 24, "bullet", True, "2026-11-27T20:00:00.000Z", "0.1.0", HERE)
 
-WRONG: tuple[dict[str, object], ...] = (
-    *({"sessions": value} for value in (0, -3, 2.5, "16", True, 10**9, None)),
-    *({"held": 3}, {"robot": 7}, {"scene": "yes"}, {"machine": []}),
-)
+WRONG: list[dict[str, Any]] = [{"sessions": value} for value in (0, -3, 2.5, "16", True, 10**9, None)]
+WRONG += [{"held": 3}, {"robot": 7}, {"scene": "yes"}, {"machine": []}]
 
 
 def test_what_is_kept_is_found_again(tmp_path: Path) -> None:

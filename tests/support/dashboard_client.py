@@ -28,7 +28,7 @@ class Dashboard:
     async def next(self) -> Line:
         message: Line = json.loads(await asyncio.wait_for(self.wire.recv(), MESSAGE_WITHIN_S))
         if message["type"] == "overview":
-            self.lab = {"trouble": message["trouble"]}
+            self.lab = {name: message[name] for name in ("trouble", "crowding")}
             self.lines |= {line["participant"]: line for line in message["sessions"]}
         return message
 

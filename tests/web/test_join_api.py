@@ -8,6 +8,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -18,8 +19,19 @@ from app.simulated.bot import run_bot
 from app.simulated.connection import PageAccess, open_wire
 from app.wire import Error, Ping
 from study.flow.eligibility import PINGS
+from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer
-from tests.support.wire_client import Player, command, events, invite, stored
+from tests.support.wire_client import (
+    OPEN,
+    SHORT,
+    Player,
+    asked,
+    command,
+    events,
+    invite,
+    stored,
+    write_study,
+)
 
 numbers = itertools.count(1)
 
@@ -304,3 +316,36 @@ async def test_a_scripted_client_passes_the_check_and_completes_the_study(open_l
     assert (report.pages[0], report.pages[-1]) == ("eligibility", "done")
     ((_, passed),) = events(open_lab, made["participant"], "step_eligibility")
     assert 0 < passed["round_trip_ms"] < 2000
+
+
+# ---- a lab that takes one at once
+
+
+def test_whoever_comes_when_there_is_no_room_is_asked_back_and_takes_no_place(tmp_path: Path) -> None:
+    study = write_study(tmp_path, {**SHORT, **OPEN})
+    arguments = ("--robot", "kinematic", "--study", str(study), "--capacity", "1")
+    with (
+        labs.start(tmp_path / "data", *arguments) as lab,
+        httpx.Client(base_url=lab.base_url, trust_env=False, timeout=30.0) as another,
+        httpx.Client(base_url=lab.base_url, trust_env=False, timeout=30.0) as someone,
+    ):
+        assert join(another, new_id()).json()["state"] == "begin"
+        late = new_id()
+        for answer in (offered(someone, late), join(someone, late)):
+            reply = answer.json()
+            assert (answer.status_code, reply["state"], reply["page"], reply["again_s"]) == (503, "busy", None, 30)
+            assert answer.headers["retry-after"] == "30" and not someone.cookies
+        page = someone.get("/join", params={"PROLIFIC_PID": late})
+        assert (page.status_code, page.headers["retry-after"]) == (503, "30") and "join.js" in page.text
+        assert (recruitment(lab)["held"], people(lab, late)) == (1, [])
+        health = someone.get("/api/health").json()
+        assert (health["people"], health["capacity"], health["capacity_note"]) == (1, 1, "")
+        metrics = someone.get("/api/metrics", headers=lab.headers).text.splitlines()
+        assert {"salab_people 1.0", "salab_people_capacity 1.0"} <= set(metrics)
+        first = people(lab)[0]["participant"]
+        assert asked(lab, "POST", f"sessions/{first}/abort", {"reason": "the test goes on"}).status_code == 200
+        assert offered(someone, late).json()["state"] == "begin"
+        assert join(someone, late).json()["page"].startswith("/s/")
+        invited = invite(lab)
+        with httpx.Client(trust_env=False, timeout=30.0) as own_link:
+            assert own_link.get(invited["link"]).status_code == 303, "whoever has a link of their own is let in"

@@ -109,7 +109,7 @@ async def test_a_dashboard_to_which_nothing_is_new_hears_that_the_lab_is_there(q
         await board.next()
         while (message := await board.next())["sessions"]:
             pass  # somebody else's
-        assert message == {"type": "overview", "sessions": [], "gone": [], "trouble": None}
+        assert message == {"type": "overview", "sessions": [], "gone": [], "trouble": None, "crowding": None}
 
 
 async def test_focus_and_visibility_are_told_when_they_change(quick_lab: LabServer) -> None:
