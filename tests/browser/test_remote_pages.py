@@ -158,7 +158,8 @@ def test_who_comes_when_there_is_no_room_waits_on_a_page_that_asks_again(
         visible(first, "page-consent")
         page.clock.install()
         link = link_of(lab)
-        assert page.goto(link).status == 503
+        shown = page.goto(link)
+        assert shown is not None and shown.status == 503
         visible(page, "page-join-busy")
         assert page.get_by_test_id("join-begin").count() == 0
         assert "no place is lost by waiting" in page.get_by_test_id("page-join-busy").inner_text()
