@@ -234,6 +234,12 @@ export interface LinkReply {
   panel_link: string;
 }
 
+/** That nearly as many people take part as the lab takes at once, or more. */
+export interface CrowdingReply {
+  level: string;
+  text: string;
+}
+
 /** That the lab cannot save: nothing is acknowledged, robots stand still, and it tries again by itself. */
 export interface TroubleReply {
   kind: string;

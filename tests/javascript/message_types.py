@@ -101,6 +101,7 @@ API_SENT: Mapping[str, Any] = {
     "RosterReply": roster_api.RosterReply,
     "EraseReply": roster_api.EraseReply,
     "LinkReply": roster_api.LinkReply,
+    "CrowdingReply": live_api.CrowdingReply,
     "TroubleReply": live_api.TroubleReply,
     "HealthReply": health_api.HealthReply,
     "EventRow": records.EventRow,
