@@ -90,7 +90,7 @@ def bench(
     finally:
         bars.end()
     came_out = verdict(found, run.room, run.not_tried)
-    for line in text.told(came_out, run.room, asked.scene) if found else ():
+    for line in text.told(came_out, found, run.room, asked.scene) if found else ():
         announce(line)
     if out is not None and found:
         files.write_all(out, found, came_out, run.room, _about(run))

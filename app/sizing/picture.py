@@ -12,6 +12,8 @@ from study.analysis.figures import FULL_WIDTH_MM, Picture, figure_of, rendered
 TITLE = "How many people this machine holds"
 HEIGHT_MM = 120.0
 GREY, ORANGE, BLUE, GREEN = "#4D4D4D", "#D55E00", "#0072B2", "#009E73"
+SHOWS_FREE = 3.0
+"""Free memory is drawn where it is less than so many times what the lab takes."""
 LEAST_MS = 0.1
 """What is below stands on the floor of a logarithmic axis."""
 
@@ -32,12 +34,17 @@ def draw(steps: Sequence[Step], verdict: Verdict, room: Room) -> Picture:
                ("scripted people", lambda step: step.people_cores, GREY, "D", ":"))  # fmt: skip
         cores.axhline(room.lab_cores, color=GREY, linestyle=":")
         cores.set_ylabel("processor time (cores)")
-        _lines(memory, found, ("lab, in all", lambda step: step.lab_mb, BLUE, "o", "-"),
-               ("free", lambda step: step.free_mb, GREY, "D", ":"))  # fmt: skip
+        _lines(memory, found, ("lab, in all", lambda step: step.lab_mb, BLUE, "o", "-"))
+        if min(step.free_mb for step in found) < SHOWS_FREE * max(step.lab_mb for step in found):
+            _lines(memory, found, ("free", lambda step: step.free_mb, GREY, "D", ":"))
         memory.set_ylabel("memory (MB)")
         _lines(commits, found, ("median", lambda step: step.commit_p50_ms, BLUE, "o", "-"),
                ("99th percentile", lambda step: step.commit_p99_ms, ORANGE, "s", "--"))  # fmt: skip
         commits.set_ylabel("until it is on disk (ms)")
+        if verdict.capacity:
+            late.plot([], [], color=GREEN, label=f"{verdict.capacity} are taken")
+        for axes in (cores, memory, commits):
+            axes.set_ylim(bottom=0.0)
         for letter, axes in zip("ABCD", (late, cores, memory, commits), strict=True):
             axes.set_title(letter, loc="left")
             axes.legend()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from app.sizing.rule import LATE_MS, RESERVE, Bottleneck, Room, Step, Verdict, why_it_breaks
 
 HEAD = (
@@ -36,8 +38,8 @@ def line(step: Step) -> str:
     )
 
 
-def told(verdict: Verdict, room: Room, scene: bool) -> tuple[str, ...]:
-    """The verdict, a line each."""
+def told(verdict: Verdict, steps: Sequence[Step], room: Room, scene: bool) -> tuple[str, ...]:
+    """The verdict on these steps, a line each."""
     views = "with the 3-D view open" if scene else "with no 3-D view open"
     lines = []
     if not verdict.held:
@@ -54,4 +56,9 @@ def told(verdict: Verdict, room: Room, scene: bool) -> tuple[str, ...]:
         lines.append(f"What gives way first: {GIVES_WAY[verdict.bottleneck]}.")
     if room.lab_cores < room.cores:
         lines.append(f"Measured with {room.lab_cores} of {room.cores} cores for the lab; the people had the others.")
+    elif last := [step for step in steps if step.sessions == verdict.held][-1:]:
+        share = 100 * last[0].people_cores / room.cores
+        lines.append(
+            f"Meanwhile {share:.0f} % of the processor time went to the scripted people, whom the lab will not have."
+        )
     return tuple(lines)

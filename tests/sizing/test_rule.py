@@ -147,10 +147,15 @@ def test_the_table_and_the_verdict_are_lines() -> None:
     heads, row = text.HEAD.splitlines(), text.line(of(24, late=200))
     assert len(heads[1]) == len(text.line(GOOD)) and row.endswith("does not hold")
     assert all(len(line) <= 120 for line in (*heads, row))
-    told = text.told(verdict([of(8), of(16), of(24, late=200, worker_cores=3.5)], ROOM), ROOM, True)
+    steps = [of(8), of(16), of(24, late=200, worker_cores=3.5)]
+    told = text.told(verdict(steps, ROOM), steps, ROOM, True)
     assert told[0] == (
         "This machine holds 10 people at once, with the 3-D view open: 16 held, and 33 % of that is kept in reserve."
     )
     assert told[2].startswith("What gives way first: the processor time of the sessions' processes")
-    assert "No step broke" in text.told(verdict([of(8)], ROOM), ROOM, True)[0]
-    assert text.told(verdict([of(8, late=99)], ROOM), ROOM, False)[0].startswith("This machine does not hold the first")
+    assert told[3].startswith("Meanwhile 8 % of the processor time went to the scripted people")
+    assert "No step broke" in text.told(verdict([of(8)], ROOM), [of(8)], ROOM, True)[0]
+    assert "holds 1 person at once" in text.told(verdict([of(1)], ROOM), [of(1)], ROOM, True)[0]
+    assert text.told(verdict([of(8, late=99)], ROOM), steps, ROOM, False)[0].startswith("This machine does not hold")
+    apart = text.told(verdict([of(8)], ROOM), [of(8)], Room(4, 3, 10_000), True)
+    assert apart[-1] == "Measured with 3 of 4 cores for the lab; the people had the others."
