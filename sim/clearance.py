@@ -154,10 +154,10 @@ def _near(parts: Sequence[_Part], world: WorldState, scene: SceneSpec) -> list[_
             continue
         if item.pose.position_world_m[2] < scene.table.top_z_m:
             continue
-        spec, stands = scene.object(item.id).spec, _stands(item.pose)
-        outline = _outline(spec, item.pose) if stands else _box_around(spec, item.pose)
+        spec, is_upright = scene.object(item.id).spec, stands(item.pose)
+        outline = _outline(spec, item.pose) if is_upright else _box_around(spec, item.pose)
         if any(_within_reach(part, place_m, outline) for part in parts):
-            found.append(_Standing(place_m, outline) if stands else _fallen(place_m, spec, item.pose))
+            found.append(_Standing(place_m, outline) if is_upright else _fallen(place_m, spec, item.pose))
     return found
 
 
@@ -188,7 +188,7 @@ def _box(size_m: Vector3) -> _Outline:
     return _Outline(size_m[0] / 2.0, size_m[1] / 2.0, 0.0, size_m[2] / 2.0)
 
 
-def _stands(pose: Pose) -> bool:
+def stands(pose: Pose) -> bool:
     """Whether it is nearer to standing than to lying. No object is so low and wide that it would still come back."""
     _, x, y, _ = pose.quaternion_wxyz
     return 1.0 - 2.0 * (x * x + y * y) >= _STANDS
@@ -214,7 +214,7 @@ def _across(first: Vector3, second: Vector3) -> Vector3 | None:
 
 def outline_of(spec: ObjectSpec, pose: Pose) -> _Outline:
     """What an object takes up as it stands, or the box around it as it lies."""
-    return _outline(spec, pose) if _stands(pose) else _box_around(spec, pose)
+    return _outline(spec, pose) if stands(pose) else _box_around(spec, pose)
 
 
 def _box_around(spec: ObjectSpec, pose: Pose) -> _Outline:

@@ -20,7 +20,7 @@ joint limits. Joint rates need no check of their own: nowhere in the workspace d
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple, get_args
@@ -39,18 +39,17 @@ from sim.interface import (
     RobotCommand,
     SimError,
     Vector3,
+    steps_m,
 )
+from sim.reach import ELBOW_RAD as ELBOW_RAD
+from sim.reach import ROUNDING_M as ROUNDING_M
+from sim.reach import WORKSPACE_HIGH_M as WORKSPACE_HIGH_M
+from sim.reach import WORKSPACE_LOW_M as WORKSPACE_LOW_M
+from sim.reach import is_sure_around
 
 FloatArray = NDArray[np.float64]
 Joints = tuple[float, float, float, float, float, float, float]
 
-WORKSPACE_LOW_M: Vector3 = (0.40, -0.62, 0.79)
-WORKSPACE_HIGH_M: Vector3 = (0.95, 0.62, 1.06)
-"""The box that `gripper_link` never leaves: 6 cm above the table at the lowest."""
-ROUNDING_M = 1e-9
-"""Steps that add up to the box's edge but for rounding are within it."""
-ELBOW_RAD = (0.45, 2.20)
-"""Away from the stretched and the folded arm, where a short way takes a joint long turns."""
 SAMPLE_M = 0.01
 MAX_STEP_M = 0.05
 """The longest way the gripper may go in one tick (paper III-D: waypoints at most 5 cm apart)."""
@@ -199,6 +198,8 @@ def path_code(start_world_m: Vector3, end_world_m: Vector3) -> int:
     length_m = math.sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m)
     if length_m == 0.0:
         return 0
+    if is_sure_around((x_m + dx_m / 2.0, y_m + dy_m / 2.0, z_m + dz_m / 2.0), length_m / 2.0):
+        return 0
     samples = math.ceil(length_m / SAMPLE_M)
     for index in range(1, samples + 1):
         share = index / samples
@@ -232,6 +233,8 @@ def segment_feasible(start_world_m: Vector3, displacements_m: FloatArray) -> NDA
 
 def check_command(command: RobotCommand) -> None:
     """Raises `SimError` when the segments do not fill a tick, or a number or choice is out of its bounds."""
+    if command.fills_a_tick and 0.0 <= command.speed_m_s <= MAX_SPEED_M_S and command.gripper in _GRIPPER_COMMANDS:
+        return
     lengths = [segment.slices for segment in command.segments]
     if sum(lengths) != SLICES_PER_TICK or min(lengths) < 1:
         raise SimError(f"segments of {lengths} slices; positive lengths must add up to {SLICES_PER_TICK}")
@@ -254,6 +257,8 @@ def executable(start_world_m: Vector3, command: RobotCommand) -> MotionVerdict:
     `check_command`.
     """
     check_command(command)
+    if not command.moves or is_sure_around(start_world_m, command.speed_m_s * TICK_S):
+        return command.all_of_it
     here = start_world_m
     executed: list[MotionSegment] = []
     first_code = 0
@@ -294,10 +299,23 @@ def _moved(start_world_m: Vector3, direction: Vector3, length_m: float) -> Vecto
 
 def waypoints(start_world_m: Vector3, verdict: MotionVerdict, speed_m_s: float) -> list[Vector3]:
     """Where the gripper is to be after each slice of the tick; `SLICES_PER_TICK` positions."""
-    points = []
-    here = start_world_m
-    for segment in verdict.executed:
-        step_m = speed_m_s * SLICE_S
-        points += [_moved(here, segment.direction, step_m * count) for count in range(1, segment.slices + 1)]
-        here = points[-1]
+    return along(start_world_m, steps_m(verdict.executed, speed_m_s))
+
+
+def along(start_world_m: Vector3, steps: Sequence[Sequence[Vector3]]) -> list[Vector3]:
+    """Every position along those steps of one segment after the other."""
+    points: list[Vector3] = []
+    x_m, y_m, z_m = start_world_m
+    for of_segment in steps:
+        points += [(x_m + dx_m, y_m + dy_m, z_m + dz_m) for dx_m, dy_m, dz_m in of_segment]
+        x_m, y_m, z_m = points[-1]
     return points
+
+
+def end_of(start_world_m: Vector3, steps: Sequence[Sequence[Vector3]]) -> Vector3:
+    """The last of the positions `along` them."""
+    x_m, y_m, z_m = start_world_m
+    for of_segment in steps:
+        dx_m, dy_m, dz_m = of_segment[-1]
+        x_m, y_m, z_m = x_m + dx_m, y_m + dy_m, z_m + dz_m
+    return x_m, y_m, z_m

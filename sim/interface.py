@@ -19,6 +19,7 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -187,6 +188,44 @@ class RobotCommand:
     speed_m_s: float
     gripper: GripperCommand = "hold"
 
+    @cached_property
+    def fills_a_tick(self) -> bool:
+        """Whether its segments are as long as a tick, each with a direction of length 1 at most."""
+        lengths = [segment.slices for segment in self.segments]
+        squares = [x * x + y * y + z * z for x, y, z in (segment.direction for segment in self.segments)]
+        is_whole = sum(lengths) == SLICES_PER_TICK and min(lengths) >= 1
+        return is_whole and all(math.sqrt(square) <= 1.0 + 1e-9 for square in squares)
+
+    @cached_property
+    def all_of_it(self) -> MotionVerdict:
+        """The verdict that nothing stands against it."""
+        return MotionVerdict(self.segments, False)
+
+    @cached_property
+    def steps_m(self) -> tuple[tuple[Vector3, ...], ...]:
+        """How far the gripper has come after each slice of each segment, from where the segment begins."""
+        return steps_m(self.segments, self.speed_m_s)
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether it asks for any motion."""
+        return self.speed_m_s > 0.0 and any(any(segment.direction) for segment in self.segments)
+
+    @cached_property
+    def goes_down(self) -> bool:
+        """Whether any of it leads downwards."""
+        return any(segment.direction[2] < 0.0 for segment in self.segments)
+
+
+def steps_m(segments: Sequence[MotionSegment], speed_m_s: float) -> tuple[tuple[Vector3, ...], ...]:
+    """How far the gripper has come after each slice of each of these segments, from where the segment begins."""
+    step_m = speed_m_s * SLICE_S
+    return tuple(
+        tuple((step_m * count * x, step_m * count * y, step_m * count * z) for count in range(1, segment.slices + 1))
+        for segment in segments
+        for x, y, z in (segment.direction,)
+    )
+
 
 @dataclass(frozen=True)
 class MotionVerdict:
@@ -208,6 +247,11 @@ class ObjectState:
     pose: Pose
     grasp_world_m: Vector3
     settled: bool
+
+    @cached_property
+    def packed(self) -> bytes:
+        """Its pose, and whether it has settled, as a digest takes them."""
+        return struct.pack("<8d", *self.pose.position_world_m, *self.pose.quaternion_wxyz, float(self.settled))
 
 
 @dataclass(frozen=True)
@@ -236,13 +280,17 @@ class WorldState:
 
     def digest(self) -> str:
         """A hash of every number, bit for bit: equal digests mean equal states."""
-        numbers: list[float] = [self.time_s, *self.position_world_gripper_m, *self.joint_positions_rad]
-        numbers += [self.finger_opening_m, float(self.lagging)]
-        for item in self.objects:
-            numbers += [*item.pose.position_world_m, *item.pose.quaternion_wxyz, float(item.settled)]
-        text = "|".join([self.gripper, self.held or "", *[item.id for item in self.objects]])
-        packed = struct.pack(f"<{len(numbers)}d", *numbers)
-        return hashlib.sha256(packed + text.encode()).hexdigest()[:16]
+        lagging = float(self.lagging)
+        numbers = (
+            self.time_s,
+            *self.position_world_gripper_m,
+            *self.joint_positions_rad,
+            self.finger_opening_m,
+            lagging,
+        )
+        packed = [struct.pack(f"<{len(numbers)}d", *numbers), *[item.packed for item in self.objects]]
+        packed.append("|".join([self.gripper, self.held or "", *[item.id for item in self.objects]]).encode())
+        return hashlib.sha256(b"".join(packed)).hexdigest()[:16]
 
 
 class Robot(Protocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from sim import fetch, ik
 from sim.interface import (
     SLICE_S,
+    SLICES_PER_TICK,
     TICK_S,
     GripperState,
     MotionVerdict,
@@ -22,6 +24,7 @@ from sim.interface import (
     SimError,
     Vector3,
     WorldState,
+    steps_m,
 )
 from sim.objects import grasp_point
 
@@ -91,6 +94,10 @@ class KinematicRobot:
         self._near: tuple[_Thing, ...] = ()
         self._position: Vector3 = fetch.START_POSITION_M
         self._path: list[Vector3] = []
+        """What is left of the way, its end first: the next waypoint is the cheap one to take."""
+        self._steps_m: Sequence[Sequence[Vector3]] = ()
+        """The steps of a whole tick's way of which no slice has been gone; the path is made of them when it matters."""
+        self._goes_down = False
         self._slice = 0
         self._opening_m = fetch.MAX_OPENING_M
         self._closing = False
@@ -111,7 +118,7 @@ class KinematicRobot:
         self._things = tuple(_Thing(placed, placed.rest_pose) for placed in scene.objects)
         self._near = ()
         self._position = scene.start_world_m
-        self._path = []
+        self._path, self._steps_m = [], ()
         self._slice = 0
         self._opening_m = fetch.MAX_OPENING_M
         self._closing = False
@@ -127,23 +134,31 @@ class KinematicRobot:
         self._world()
         verdict = ik.executable(self._position, command)
         self._lagging = False
-        moving = command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed)
-        # Reversed, so that the next waypoint is the cheap one to take.
-        self._path = ik.waypoints(self._position, verdict, command.speed_m_s)[::-1] if moving else []
+        self._path, self._steps_m = [], ()
+        if verdict is command.all_of_it:
+            if command.moves:
+                self._steps_m, self._goes_down = command.steps_m, command.goes_down
+        elif command.speed_m_s > 0.0 and any(any(segment.direction) for segment in verdict.executed):
+            self._steps_m, self._goes_down = steps_m(verdict.executed, command.speed_m_s), True
         if command.gripper != "hold" and self._closing != (command.gripper == "close"):
             self._closing = command.gripper == "close"
             self._gripper_slices_left = fetch.GRIPPER_SLICES
             if not self._closing:
                 self._release()
-        self._near = self._within_reach(command.speed_m_s * TICK_S) if self._path else ()
+        self._near = self._within_reach(command.speed_m_s * TICK_S) if self._steps_m else ()
         return verdict
 
     def advance(self, slices: int = 1) -> None:
         """Advance by so many slices. Raises `SimError` before the first `reset`."""
         self._world()
         end = self._slice + slices
-        if self._path and not (self._near or self._held or self._gripper_slices_left):
-            # Nothing to meet on the way: only its end matters.
+        meets_nothing = not (self._near or self._gripper_slices_left or (self._held and self._goes_down))
+        if self._steps_m:
+            if meets_nothing and slices == SLICES_PER_TICK:  # only the end of the way matters
+                self._slice, self._position, self._steps_m = end, ik.end_of(self._position, self._steps_m), ()
+                return
+            self._path, self._steps_m = ik.along(self._position, self._steps_m)[::-1], ()
+        if self._path and meets_nothing:
             self._slice, self._position = end, self._path[-slices:][0]
             del self._path[-slices:]
         while self._slice < end and (self._path or self._gripper_slices_left):
@@ -246,21 +261,21 @@ class KinematicRobot:
         """The standing objects that gripper or carried object can knock over during a tick of that way."""
         x_m, y_m, _ = self._position
         most_m = way_m + ik.ROUNDING_M
-        behind_m, ahead_m, beside_m = (
-            bound + most_m + _REACH_INTO_M for bound in (-_PALM_BACK_M, _FINGER_FRONT_M, _OPEN_M)
-        )
-        return tuple(
-            [
-                thing
-                for thing in self._things
-                if abs(thing.pose.position_world_m[1] - y_m) < beside_m
-                and -behind_m < thing.pose.position_world_m[0] - x_m < ahead_m
+        more_m = most_m + _REACH_INTO_M
+        behind_m, ahead_m, beside_m = _PALM_BACK_M - more_m, _FINGER_FRONT_M + more_m, _OPEN_M + more_m
+        found = []
+        for thing in self._things:
+            there = thing.pose.position_world_m
+            if (
+                -beside_m < there[1] - y_m < beside_m
+                and behind_m < there[0] - x_m < ahead_m
                 and thing.standing
                 and thing is not self._held
                 # Fingers that move may reach further than the way.
                 and (self._gripper_slices_left or self._depth_m(thing, at_any_height=True) > KNOCK_DEPTH_M - most_m)
-            ]
-        )
+            ):
+                found.append(thing)
+        return tuple(found)
 
     def _offset_m(self, thing: _Thing) -> Vector3:
         """From the gripper to the object's centre."""

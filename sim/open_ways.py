@@ -5,22 +5,25 @@ when every sample of it, at most `SAMPLE_M` apart, is within reach and pushes no
 the gripper keeps its margin to every object on the table, or at least does not come nearer to one that it is too near
 to where the way begins. What has fallen counts as the box around it.
 
-    ways = Ways(world, scene, targets_m)
-    ways.open_from((0.70, 0.0, 0.88))        which targets can be gone to from there, (G,)
+    ways = Ways(targets_m, Obstacles(world, scene))
+    ways.is_open((0.70, 0.0, 0.88), 2)       whether the third target can be gone to from there
+
+Samples are looked at where nothing simpler tells: most ways are certainly open as a whole, or certainly closed at one
+place (`sim.obstacles`, `sim.reach`). What is told so is what the samples would tell.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.clearance import moving_parts, outline_of
 from sim.ik import within_reach
-from sim.interface import SceneSpec, Vector3, WorldState
+from sim.interface import Vector3
+from sim.obstacles import SURE_M, Obstacles, Pairs
+from sim.reach import Place, is_sure_around, is_sure_way
 
 SAMPLE_M = 0.03
 """Half of what a finger is long: no corner is jumped by more than millimetres."""
@@ -31,33 +34,100 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
-class _Pairs(NamedTuple):
-    """Every object with every part that moves: from the part's place at the gripper to the object, half of what both
-    measure, each an axis at a time; what both are round by, and the margin. (T, P)."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    z_m: FloatArray
-    half_x_m: FloatArray
-    half_y_m: FloatArray
-    half_z_m: FloatArray
-    least_m: FloatArray
-
-
 class Ways:
     """The ways to some targets (G, 3), world frame, metres, in the world as it is now."""
 
-    def __init__(self, world: WorldState, scene: SceneSpec, targets_m: FloatArray) -> None:
-        self._world, self._scene, self._targets_m = world, scene, targets_m
+    def __init__(self, targets_m: FloatArray, obstacles: Obstacles) -> None:
+        self._obstacles = obstacles
+        self._targets_m = targets_m
+        self._sequence = list(range(len(targets_m)))
+
+    # ---- one by one ---------------------------------------------------------------------------------------------
+
+    def is_open(self, place_m: Vector3, which: int) -> bool:
+        """Whether target `which` could be gone to straight from there."""
+        found = self._surely_open(Place(place_m), which)
+        return bool(self.looked_at_from(place_m, which)[1][0]) if found is None else found
+
+    def is_reached(self, place_m: Vector3, which: int) -> bool:
+        """Whether the way to target `which` is within reach, whatever stands on it."""
+        if is_sure_way(Place(place_m), self._places[which]):
+            return True
+        return bool(self.looked_at_from(place_m, which)[0][0])
+
+    def are_open(self, place_m: Vector3, count: int) -> bool:
+        """Whether all of the first `count` targets that the gripper can be at could be gone to straight from there."""
+        place, possible = Place(place_m), self._possible
+        for which in self._sequence:
+            if which >= count or not possible[which]:
+                continue
+            found = self._surely_open(place, which)
+            if found is None:
+                found = bool(self.looked_at_from(place_m, which)[1][0])
+            if not found:
+                self._sequence.remove(which)  # it will be closed from the next place too
+                self._sequence.insert(0, which)
+                return False
+        return True
+
+    def is_any_open(self, place_m: Vector3, count: int) -> bool:
+        """Whether any of the first `count` targets that the gripper can be at could be gone to straight from there."""
+        return any(self._possible[which] and self.is_open(place_m, which) for which in range(count))
+
+    def _surely_open(self, place: Place, which: int) -> bool | None:
+        """None where samples have to be looked at."""
+        target = self._places[which]
+        if not is_sure_way(place, target):
+            return None
+        for thing in self._obstacles.things:
+            if thing.is_surely_off(place.x_m, place.y_m, place.z_m, target.x_m, target.y_m, target.z_m):
+                continue
+            return False if thing.is_surely_met(place, target, *self._samples(place)) else None
+        return True
+
+    def _samples(self, place: Place) -> tuple[int, float]:
+        """How many samples the ways from there have, 0 where rounding might make it one more or less; and which share
+        of a way lies between two."""
+        squares = [
+            (target.x_m - place.x_m) ** 2 + (target.y_m - place.y_m) ** 2 + (target.z_m - place.z_m) ** 2
+            for target in self._places
+        ]
+        samples = math.sqrt(max(squares)) / SAMPLE_M
+        known = abs(samples - round(samples)) > SURE_M
+        return (max(math.ceil(samples), 1) if known else 0), 1.0 / max(samples, 1.0)
+
+    @cached_property
+    def _places(self) -> list[Place]:
+        return [Place((x_m, y_m, z_m)) for x_m, y_m, z_m in self._targets_m.tolist()]
+
+    @cached_property
+    def _possible(self) -> list[bool]:
+        possible: list[bool] = self.possible.tolist()
+        return possible
+
+    # ---- by their samples ---------------------------------------------------------------------------------------
 
     @cached_property
     def possible(self) -> BoolArray:
         """Which targets the gripper can be at, within reach and clear of everything, (G,)."""
         reach: BoolArray = within_reach(self._targets_m)
-        if self._pairs is None:
+        pairs = self._obstacles.pairs
+        if pairs is None:
             return reach
-        clear: BoolArray = _spare_m(self._targets_m, self._pairs).min(axis=(-2, -1)) >= 0.0
+        clear: BoolArray = self._spare_m >= 0.0
         return reach & clear
+
+    @cached_property
+    def is_settled(self) -> bool:
+        """Whether which targets are possible hangs on no rounding of where what is held is in the hand."""
+        return self._obstacles.pairs is None or bool((np.abs(self._spare_m) > SURE_M).all())
+
+    @cached_property
+    def _spare_m(self) -> FloatArray:
+        """How much more than their margins all parts keep with the gripper at each target, (G,)."""
+        assert self._obstacles.pairs is not None
+        spare_m: FloatArray = _spare_m(self._targets_m, self._obstacles.pairs).min(axis=(-2, -1))
+        return spare_m
 
     def open_from(self, place_m: Vector3, which: int | None = None) -> BoolArray:
         """Which targets, or whether target `which`, could be gone to straight from there, (G,) or (1,)."""
@@ -72,38 +142,29 @@ class Ways:
         shares[-1] = 1.0
         points_m = start_m + shares[:, None, None] * (ways_m if which is None else ways_m[which, None])  # (S, G, 3)
         reach: BoolArray = np.all(within_reach(points_m), axis=0)
-        if self._pairs is None or not reach.any():
+        pairs = self._obstacles.pairs
+        if pairs is None or not reach.any():
             return reach, reach
         is_open = reach.copy()
-        is_open[reach] = _pushes_nothing(start_m, points_m[:, reach], self._pairs)
+        is_open[reach] = _pushes_nothing(start_m, points_m[:, reach], pairs)
         return reach, is_open
-
-    @cached_property
-    def _pairs(self) -> _Pairs | None:
-        """None when nothing stands on the table."""
-        world, scene = self._world, self._scene
-        things = [
-            (item.pose.position_world_m, outline_of(scene.object(item.id).spec, item.pose))
-            for item in world.objects
-            if item.id != world.held and item.pose.position_world_m[2] >= scene.table.top_z_m
-        ]
-        if not things:
-            return None
-        parts = moving_parts(world, scene)
-        places_m = np.array([place_m for place_m, _ in things])[:, None] - np.array([part.place_m for part in parts])
-        sizes = np.array([outline for _, outline in things])[:, None] + np.array([part.outline for part in parts])
-        margins_m = np.array([part.margin_m for part in parts])
-        along, aside, up = np.moveaxis(places_m, -1, 0)  # (T, P) each
-        length, width, radius, height = np.moveaxis(sizes, -1, 0)
-        return _Pairs(along, aside, up, length, width, height, radius + margins_m)
 
 
 def has_margin(place_m: Vector3, margin_m: float) -> bool:
     """Whether the arm can be so far from a place along each axis, either way."""
+    if is_sure_around(place_m, margin_m):
+        return True
+    x_m, y_m, z_m = place_m
+    if all(
+        is_sure_around(beside_m, 0.0)
+        for by_m in (margin_m, -margin_m)
+        for beside_m in ((x_m + by_m, y_m, z_m), (x_m, y_m + by_m, z_m), (x_m, y_m, z_m + by_m))
+    ):
+        return True
     return bool(within_reach(np.array(place_m) + margin_m * _AXES).all())
 
 
-def _spare_m(points_m: FloatArray, pairs: _Pairs) -> FloatArray:
+def _spare_m(points_m: FloatArray, pairs: Pairs) -> FloatArray:
     """How much more than its margin each part keeps to each object, (..., 3) -> (..., T, P)."""
     aside_x = np.abs(pairs.x_m - points_m[..., 0, None, None])
     aside_y = np.abs(pairs.y_m - points_m[..., 1, None, None])
@@ -121,7 +182,7 @@ def _spare_m(points_m: FloatArray, pairs: _Pairs) -> FloatArray:
     return spare_m
 
 
-def _pushes_nothing(start_m: FloatArray, points_m: FloatArray, pairs: _Pairs) -> BoolArray:
+def _pushes_nothing(start_m: FloatArray, points_m: FloatArray, pairs: Pairs) -> BoolArray:
     """Which ways from there, samples (S, G, 3), push nothing over, (G,)."""
     at_start_m = _spare_m(start_m, pairs).min(axis=-1)  # (T,)
     least_m = np.minimum(at_start_m, _ROUNDING_M) - _ROUNDING_M

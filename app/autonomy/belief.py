@@ -26,6 +26,9 @@ again.
 A goal whose prior is exactly 0 stays ruled out.
 """
 
+_ROUNDS_WELL = 1000
+"""Up to so many goals a normalised posterior sums to 1 within what counts as rounding."""
+
 
 def log_softmax(scores: FloatArray, axis: int) -> FloatArray:
     """log(exp(s) / sum exp(s)) along ``axis``, shifted by the maximum so that nothing overflows; same
@@ -73,11 +76,19 @@ def log_of_count(goal_count: int) -> float:
 def belief_entropy(probabilities: FloatArray) -> float:
     """H(b) = -sum b log_|Phi| b, eq. 8, in [0, 1]; 0 log 0 = 0, and a single goal has no entropy. (G,) ->
     scalar."""
+    return 0.0 if probabilities.shape[0] == 1 else _entropy(probabilities, _log(probabilities))
+
+
+def _entropy(probabilities: FloatArray, logs: FloatArray) -> float:
     goal_count = probabilities.shape[0]
     if goal_count == 1:
         return 0.0
-    possible = probabilities[probabilities > 0.0]
-    entropy = -float((possible * np.log(possible)).sum()) / log_of_count(goal_count)
+    if np.minimum.reduce(probabilities) > 0.0:
+        terms = probabilities * logs
+    else:
+        possible = probabilities > 0.0
+        terms = probabilities[possible] * np.log(probabilities[possible])
+    entropy = -float(np.add.reduce(terms)) / log_of_count(goal_count)
     return min(max(0.0, entropy), 1.0)  # in this order: of a zero and a negative zero the first is returned
 
 
@@ -86,10 +97,15 @@ def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArra
 
     (G,), (G,) -> (G,). Works in logs; ends with ``PROBABILITY_FLOOR`` for goals whose prior is not 0.
     """
-    log_posterior = _log(prior) + log_likelihood_row
-    posterior: FloatArray = np.exp(log_posterior - log_posterior.max())
-    posterior /= posterior.sum()
-    if posterior.min() < PROBABILITY_FLOOR:
+    return _updated(prior, _log(prior), log_likelihood_row)
+
+
+def _updated(prior: FloatArray, log_prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArray:
+    log_posterior = log_prior + log_likelihood_row
+    log_posterior -= np.maximum.reduce(log_posterior)
+    posterior: FloatArray = np.exp(log_posterior, out=log_posterior)
+    posterior /= np.add.reduce(posterior)
+    if np.minimum.reduce(posterior) < PROBABILITY_FLOOR:
         too_low = (prior > 0.0) & (posterior < PROBABILITY_FLOOR)
         if too_low.any():
             posterior[too_low] = PROBABILITY_FLOOR
@@ -140,10 +156,24 @@ class Belief:
     def __hash__(self) -> int:
         return hash((self.goal_ids, self.probabilities.tobytes()))
 
+    def after(self, log_likelihood_row: FloatArray) -> Belief:
+        """The posterior of ``bayes_update``, log P(u | phi, x) as (G,) of checked values."""
+        posterior = _updated(self.probabilities, self._logs, log_likelihood_row)
+        if posterior.shape[0] > _ROUNDS_WELL:
+            return Belief(self.goal_ids, posterior)
+        after = object.__new__(Belief)  # it has been normalised just now: there is nothing to check
+        after.__dict__.update(goal_ids=self.goal_ids, probabilities=frozen(posterior))
+        return after
+
+    @cached_property
+    def _logs(self) -> FloatArray:
+        """log b, -inf for what is ruled out, (G,)."""
+        return _log(self.probabilities)
+
     @cached_property
     def entropy(self) -> float:
         """H(b), eq. 8, to base |Phi|: 0 when certain or with one goal, 1 when uniform."""
-        return belief_entropy(self.probabilities)
+        return _entropy(self.probabilities, self._logs)
 
     def as_dict(self) -> dict[str, float]:
         """Goal name -> probability, in order."""

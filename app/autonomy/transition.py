@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.autonomy.actions import ACTION_COUNT, UNIT_DIRECTIONS, nearest_moves
-from app.autonomy.arrays import FloatArray, checked_momenta, checked_points_m, frozen
+from app.autonomy.arrays import FloatArray, checked_momenta, checked_momentum, checked_points_m, frozen
 from app.autonomy.errors import AutonomyError
 
 TransitionKind = Literal["mix", "replan"]
@@ -60,10 +60,17 @@ class TransitionModel:
         Raises:
             AutonomyError: a momentum that is not finite or longer than 1.
         """
+        if isinstance(momentum, tuple) and len(momentum) == 3 and type(momentum[0]) is float:  # as every tick has it
+            x, y, z = momentum
+            return self.here_and_next((x, y, z))[1:]
         momenta = checked_momenta(momentum)
         if momenta.shape == (3,):
             return _displacements_of_one(self, momenta.tobytes())
         return self._displacements(momenta)
+
+    def here_and_next(self, momentum: tuple[float, float, float]) -> FloatArray:
+        """Staying where one is, and then the ``displacements`` of one momentum: (28, 3), metres, read-only."""
+        return _here_and_next(self, momentum)
 
     def displacements_ahead(self) -> FloatArray:
         """p'' - p' in metres of each of the person's 27 actions after each of the arm's 27, read-only:
@@ -88,6 +95,12 @@ class TransitionModel:
         """
         positions_m = checked_points_m("position_world_m", position_world_m)
         return positions_m[..., None, :] + self.displacements(momentum)
+
+
+@lru_cache(maxsize=4096)
+def _here_and_next(model: TransitionModel, momentum: tuple[float, float, float]) -> FloatArray:
+    next_m = model.displacements(np.array(checked_momentum(momentum)))
+    return frozen(np.concatenate((np.zeros((1, 3)), next_m)))
 
 
 @lru_cache(maxsize=4096)

@@ -34,12 +34,12 @@ import numpy as np
 from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
 from app.autonomy.interface import Explanation, Feasible, State
-from app.trial.feasibility import Feasibility
+from app.trial.feasibility import Feasibility, Surroundings
 from app.trial.fingers import Fingers
 from app.trial.goals import Goals, candidates
 from app.trial.hints import Hint, hint_for
 from app.trial.judge import Judge
-from app.trial.motion import motion_segments, unit_direction
+from app.trial.motion import motion_command, unit_direction
 from app.trial.reasoning import Limit, Reasoning, Told
 from app.trial.tasks import TaskProgress
 from app.trial.tick_rows import RETURNING, Decision, TickRows
@@ -118,6 +118,7 @@ class TrialEngine:
         self._began = start or CycleStart()
         self._reasoning = Reasoning(setup, self._began, limit, asking)
         self._gate = Gate()
+        self._surroundings = Surroundings()
         self._tick = self._began.first_tick
         self._progress = TaskProgress(setup, self._began)
         self._delivered: dict[str, Pose] = dict(self._began.delivered)
@@ -313,42 +314,44 @@ class TrialEngine:
         self._progress.begin_task(self._tick, len(self._goals.ids))
 
     def _state(self) -> State:
+        world, goals = self.world, self._goals
         return State(
-            position_m=self.world.position_world_gripper_m,
+            position_m=world.position_world_gripper_m,
             momentum=self._momentum,
-            goal_ids=self._goals.ids,
-            goals_m=self._goals.positions_m,
-            held=self.world.held,
+            goal_ids=goals.ids,
+            goals_m=goals.positions_m,
+            held=world.held,
             tick=self._tick,
         )
 
     def _begin_still(self, user_input: UserInput, source: str, pressed: Press | None = None) -> _Tick:
         verdict = self._robot.command(RobotCommand(_STAND_STILL, self.setup.timing.speed_m_s, pressed or "hold"))
-        return _Tick(self._row(Decision(source, pressed=pressed), user_input), _STAND_STILL, verdict, action=None)
+        row = self._row(Decision(source, pressed=pressed), user_input, self._state())
+        return _Tick(row, _STAND_STILL, verdict, action=None)
 
     def _begin_motion(self, user_input: UserInput) -> _Tick:
         assert self._belief is not None
-        user, model = user_input.direction, self.setup.models.transition
+        user, model, world, scene = user_input.direction, self.setup.models.transition, self.world, self.scene
         reach_m = self.setup.timing.speed_m_s * TICK_S
-        feasible = Feasibility(self._robot, self.world, self.scene, model, self._momentum, reach_m)
+        feasible = Feasibility(self._robot, world, scene, model, self._momentum, reach_m, self._surroundings)
         state = self._state()
 
         def allowed(belief: Belief) -> Feasible:
             if user is not None or not self.setup.keep_way_on:
                 return feasible
-            return self._gate.question(feasible, state, belief, self.world, self.scene)
+            return self._gate.question(feasible, state, belief, world, scene)
 
         self._belief, action, alone = self._reasoning.decide(state, self._belief, user, allowed)
         source = "robot" if alone else "idle"
         if user is not None:
             source = "user" if action == user else "blend"
-        segments = motion_segments(model, self._momentum, action)
-        verdict = self._robot.command(RobotCommand(segments, self.setup.timing.speed_m_s))
+        command = motion_command(model, self._momentum, action, self.setup.timing.speed_m_s)
+        verdict = self._robot.command(command)
         decision = Decision(source, user, action if source != "idle" else None)
-        return _Tick(self._row(decision, user_input), segments, verdict, action)
+        return _Tick(self._row(decision, user_input, state), command.segments, verdict, action)
 
-    def _row(self, decision: Decision, user_input: UserInput) -> dict[str, Any]:
-        return self._rows.begun(decision, user_input, self._progress, self._state(), self._goals, self._belief)
+    def _row(self, decision: Decision, user_input: UserInput, state: State) -> dict[str, Any]:
+        return self._rows.begun(decision, user_input, self._progress, state, self._goals, self._belief)
 
     # ---- the end of a tick --------------------------------------------------------------------------------------
 

@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.autonomy.actions import index_of
+from app.autonomy.arrays import frozen
 from app.autonomy.transition import TransitionModel
 from sim.clearance import clearance
 from sim.interface import Robot, SceneSpec, Vector3, WorldState
+from sim.obstacles import Obstacles
+
+
+class Surroundings:
+    """What stands around the gripper, kept for as long as nothing moves but the gripper and what it holds."""
+
+    def __init__(self) -> None:
+        self._obstacles: Obstacles | None = None
+
+    def obstacles(self, world: WorldState, scene: SceneSpec) -> Obstacles:
+        """That of a tick."""
+        known = self._obstacles
+        self._obstacles = Obstacles(world, scene) if known is None else known.as_in(world, scene)
+        return self._obstacles
 
 
 class Feasibility:
@@ -25,10 +40,12 @@ class Feasibility:
         model: TransitionModel,
         momentum: Vector3,
         reach_m: float,
+        surroundings: Surroundings | None = None,
     ) -> None:
-        """`reach_m`: how far the arm goes in a tick."""
+        """`reach_m`: how far the arm goes in a tick. `surroundings`: kept from tick to tick."""
         self._robot, self._world, self._scene = robot, world, scene
         self._model, self._momentum, self._reach_m = model, momentum, reach_m
+        self._surroundings = surroundings
         self._answers: dict[int, bool] = {}
 
     def __call__(self, action: Sequence[int]) -> bool:
@@ -36,23 +53,39 @@ class Feasibility:
         index = index_of(action)
         if index not in self._answers:
             self._answers[index] = self._is_clear(index) and bool(
-                self._robot.feasible(self._ways_m[index : index + 1])[0]
+                self._robot.feasible(self._displacements_m[index : index + 1])[0]
             )
         return self._answers[index]
 
     def way_m(self, index: int) -> Vector3:
         """Where an action takes the gripper within the tick, from where it is."""
-        x_m, y_m, z_m = self._ways_m[index].tolist()
-        return (x_m, y_m, z_m)
+        return _ways_m(self._model, self._momentum, self._reach_m)[1][index]
+
+    @property
+    def _displacements_m(self) -> NDArray[np.float64]:  # (27, 3)
+        return _ways_m(self._model, self._momentum, self._reach_m)[0]
 
     @cached_property
-    def _ways_m(self) -> NDArray[np.float64]:  # (27, 3)
-        ways_m: NDArray[np.float64] = self._reach_m / self._model.step_m * self._model.displacements(self._momentum)
-        return ways_m
+    def obstacles(self) -> Obstacles:
+        """What stands around."""
+        return (self._surroundings or Surroundings()).obstacles(self._world, self._scene)
 
     @cached_property
     def _pushes_nothing(self) -> Callable[[Vector3], bool]:
         return clearance(self._world, self._scene)
 
     def _is_clear(self, index: int) -> bool:
-        return self._pushes_nothing(self.way_m(index))
+        x_m, y_m, z_m = self._world.position_world_gripper_m
+        way_m = dx_m, dy_m, dz_m = self.way_m(index)
+        if self.obstacles.are_surely_off(x_m, y_m, z_m, x_m + dx_m, y_m + dy_m, z_m + dz_m):
+            return True
+        return self._pushes_nothing(way_m)
+
+
+@lru_cache(maxsize=4096)  # few momenta, the same ones tick after tick
+def _ways_m(
+    model: TransitionModel, momentum: Vector3, reach_m: float
+) -> tuple[NDArray[np.float64], tuple[Vector3, ...]]:
+    """Where each action takes the gripper, (27, 3), as an array and as numbers; read-only."""
+    ways_m = frozen(reach_m / model.step_m * model.displacements(momentum))
+    return ways_m, tuple((x_m, y_m, z_m) for x_m, y_m, z_m in ways_m.tolist())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from app.autonomy.arrays import frozen
+from app.autonomy.belief import Belief
 from app.trial.verdicts import release_points
 from sim.interface import SceneSpec, Vector3, WorldState
 
@@ -47,3 +49,15 @@ def candidates(world: WorldState, scene: SceneSpec) -> Places:
 def compact_json(value: Any) -> str:
     """JSON without spaces."""
     return _ENCODER.encode(value)
+
+
+def belief_text(belief: Belief) -> str:
+    """JSON: goal id to probability, as `compact_json` has it."""
+    names = _names_of(belief.goal_ids)
+    numbers = map(repr, belief.probabilities.tolist())
+    return "{" + ",".join([name + number for name, number in zip(names, numbers, strict=True)]) + "}"
+
+
+@lru_cache(maxsize=1024)
+def _names_of(goal_ids: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{compact_json(name)}:" for name in goal_ids)

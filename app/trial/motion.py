@@ -7,7 +7,7 @@ from functools import lru_cache
 from app.autonomy.actions import UNIT_DIRECTIONS, Direction, index_of, nearest_action
 from app.autonomy.transition import TransitionModel
 from app.trial.values import STILL
-from sim.interface import SLICES_PER_TICK, MotionSegment, Vector3
+from sim.interface import SLICES_PER_TICK, MotionSegment, RobotCommand, Vector3
 
 _UNIT_VECTORS: tuple[Vector3, ...] = tuple((float(x), float(y), float(z)) for x, y, z in UNIT_DIRECTIONS)
 
@@ -38,3 +38,9 @@ def motion_segments(model: TransitionModel, momentum: Vector3, action: Direction
     rest = SLICES_PER_TICK - whole - (1 if share else 0)
     parts = ((before, whole), (between, 1 if share else 0), (direction, rest))
     return tuple(MotionSegment(along, slices) for along, slices in parts if slices)
+
+
+@lru_cache(maxsize=4096)
+def motion_command(model: TransitionModel, momentum: Vector3, action: Direction, speed_m_s: float) -> RobotCommand:
+    """The tick's command for these `motion_segments`."""
+    return RobotCommand(motion_segments(model, momentum, action), speed_m_s)

@@ -76,6 +76,7 @@ class Reasoning:
         self._setup = setup
         self._limit = limit
         self._told = asking or _tell_nobody
+        self._unlimited: dict[str, _Asking] = {}
         self.forget(start)
         self._last: tuple[State, Belief, Direction | None, Direction] | None = None
 
@@ -97,6 +98,7 @@ class Reasoning:
         with self._asking(self._setup.inference, making=True):
             self._inference = make_inference(self._setup.inference, self._setup.models)
             _remind(self._inference, self._inference_memory)
+        self._infers_itself = type(self._inference).__module__.startswith("app.autonomy.")  # and is not to be checked
         with self._asking(self._setup.arbiter, making=True):
             self._arbiter = make_arbiter(self._setup.arbiter, self._setup.models)
             _remind(self._arbiter, self._arbiter_memory)
@@ -112,7 +114,7 @@ class Reasoning:
         named = self._setup.inference
         with self._asking(named):
             after = self._inference.update(state, belief, user)
-            if after is not belief:
+            if after is not belief and not (self._infers_itself and type(after) is Belief):
                 after = _checked_belief(named, after, belief)
             self._inference_memory = _remembered(named, self._inference, self._inference_memory)
         named = self._setup.arbiter
@@ -143,6 +145,10 @@ class Reasoning:
             return {"explanation": f"failed: {fault}"[:200]}
 
     def _asking(self, named: Named, making: bool = False) -> _Asking:
+        if self._limit is None and named.code is None:  # it ends nothing and tells nobody: one serves every tick
+            if named.kind not in self._unlimited:
+                self._unlimited[named.kind] = _Asking(named, None, _tell_nobody, 0.0, live=False)
+            return self._unlimited[named.kind]
         limit = self._limit() if self._limit is not None and not making else nullcontext()
         told = self._told if named.code is not None else _tell_nobody
         return _Asking(named, limit, told, MAKE_WITHIN_S if making else ANSWER_WITHIN_S, live=self._limit is not None)
@@ -153,21 +159,23 @@ class _Asking(AbstractContextManager["_Asking"]):
     in a live trial (`live`) nobody can press that."""
 
     def __init__(
-        self, named: Named, limit: AbstractContextManager[object], told: Told, within_s: float, live: bool
+        self, named: Named, limit: AbstractContextManager[object] | None, told: Told, within_s: float, live: bool
     ) -> None:
         self._named, self._limit, self._told, self._within_s, self._live = named, limit, told, within_s, live
 
     def __enter__(self) -> _Asking:
-        self._told(_called(self._named), self._within_s)
-        self._limit.__enter__()
+        if self._limit is not None:
+            self._told(_called(self._named), self._within_s)
+            self._limit.__enter__()
         return self
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        try:
-            self._limit.__exit__(kind, error, trace)
-        except TookTooLong as late:
-            error = late
-        self._told("", 0.0)
+        if self._limit is not None:
+            try:
+                self._limit.__exit__(kind, error, trace)
+            except TookTooLong as late:
+                error = late
+            self._told("", 0.0)
         if error is None or isinstance(error, PartFault) or (isinstance(error, KeyboardInterrupt) and not self._live):
             return
         called = _called(self._named)

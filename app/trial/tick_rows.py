@@ -9,12 +9,12 @@ from typing import Any
 from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
 from app.autonomy.interface import State
-from app.trial.goals import Goals, compact_json
+from app.trial.goals import Goals, belief_text
 from app.trial.motion import unit_direction
 from app.trial.tasks import TaskProgress
 from app.trial.values import Press, TrialSetup, UserInput
 from sim.interface import TICK_S, WorldState
-from study.records import TickRow
+from study.records import TickRow, row_of
 
 RETURNING = ("reset", "free")
 """Sources of ticks in which the arm goes back: they belong to no task."""
@@ -62,7 +62,7 @@ class TickRows:
         m_x, m_y, m_z = state.momentum
         user_x, user_y, user_z = decision.user or _NO_DIRECTION
         action_x, action_y, action_z = decision.action or _NO_DIRECTION
-        return {
+        return {  # all columns, in their order
             "participant": self._setup.participant,
             "condition": self._setup.condition,
             "trial": self._setup.trial,
@@ -85,32 +85,32 @@ class TickRows:
             "action_y": action_y,
             "action_z": action_z,
             "source": decision.source,
+            "blocked": 0,
+            "blocked_reason": None,
             "gripper_input": decision.pressed,
+            "gripper": "",
+            "held": None,
             "after_pause": int(user_input.after_pause),
             "goals": goals.text,
             "belief": self._text_of(belief),
             "entropy": belief.entropy,
             "input_seq": user_input.seq,
+            "started_utc": None,
+            "late_ms": None,
+            "digest": "",
             "departure": decision.departure,
             "attempt": progress.attempt,
         }
 
     @staticmethod
     def ended(begun: dict[str, Any], world: WorldState, blocked: bool, reason: str | None) -> TickRow:
-        """The row, with what came of the tick."""
-        return TickRow(
-            **begun,
-            blocked=int(blocked),
-            blocked_reason=reason,
-            gripper=world.gripper,
-            held=world.held,
-            started_utc=None,
-            late_ms=None,
-            digest=world.digest(),
-        )
+        """The row, with what came of the tick; it takes `begun` over."""
+        begun["blocked"], begun["blocked_reason"] = int(blocked), reason
+        begun["gripper"], begun["held"], begun["digest"] = world.gripper, world.held, world.digest()
+        return row_of(TickRow, begun)
 
     def _text_of(self, belief: Belief) -> str:
         """JSON: goal id to probability. Ticks without evidence keep their belief, and its text."""
         if self._text[0] is not belief:
-            self._text = belief, compact_json(belief.as_dict())
+            self._text = belief, belief_text(belief)
         return self._text[1]

@@ -30,11 +30,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.autonomy.actions import DIRECTIONS, NULL_ACTION, index_of, nearest_action
+from app.autonomy.actions import DIRECTIONS, NULL_ACTION, Direction, index_of, nearest_action
 from app.autonomy.belief import Belief
-from app.autonomy.interface import State
+from app.autonomy.interface import Feasible, State
 from app.trial.feasibility import Feasibility
 from sim.interface import SceneSpec, Vector3, WorldState
+from sim.obstacles import Obstacles
 from sim.open_ways import Ways, has_margin
 
 MARGIN_M = 0.03
@@ -51,24 +52,45 @@ class Gate:
     same in every tick, and the ways are the same ones as long as nothing else moves."""
 
     def __init__(self) -> None:
-        self._of_ways: tuple[object, ...] = ()
-        self._of_question: tuple[object, ...] = ()
         self._ways: Ways | None = None
+        self._ways_of: tuple[Obstacles, NDArray[np.float64], SceneSpec] | None = None
+        self._of_question: tuple[object, ...] = ()
         self._question: WayOn | None = None
 
     def question(
         self, feasible: Feasibility, state: State, belief: Belief, world: WorldState, scene: SceneSpec
-    ) -> WayOn:
-        """That of a tick."""
-        of_ways = (world.objects, world.held, world.finger_opening_m, scene)
-        if self._ways is None or of_ways != self._of_ways:
-            self._of_ways, self._of_question = of_ways, ()
-            self._ways = Ways(world, scene, _targets_m(state, scene))
-        of_question = (state.position_m, state.momentum, belief)
+    ) -> Feasible:
+        """That of a tick; nothing is looked at before it is asked."""
+        made: WayOn | None = None
+
+        def may(action: Direction) -> bool:
+            nonlocal made
+            if made is None:
+                made = self._now(feasible, state, belief, world, scene)
+            return made(action)
+
+        return may
+
+    def _now(self, feasible: Feasibility, state: State, belief: Belief, world: WorldState, scene: SceneSpec) -> WayOn:
+        of_question = (state.position_m, state.momentum, belief, world.objects, world.held, scene)
         if self._question is None or of_question != self._of_question:
             self._of_question = of_question
-            self._question = WayOn(feasible, state, belief, scene, self._ways)
+            self._question = WayOn(feasible, state, belief, scene, self._ways_now(feasible.obstacles, state, scene))
         return self._question
+
+    def _ways_now(self, obstacles: Obstacles, state: State, scene: SceneSpec) -> Ways:
+        before = self._ways_of
+        if (
+            self._ways is None
+            or before is None
+            or before[0] is not obstacles
+            or before[1] is not state.goals_m
+            or before[2] is not scene
+            or not (state.held is None or self._ways.is_settled)
+        ):
+            self._ways_of = obstacles, state.goals_m, scene
+            self._ways = Ways(_targets_m(state, scene), obstacles)
+        return self._ways
 
 
 def _targets_m(state: State, scene: SceneSpec) -> NDArray[np.float64]:
@@ -83,6 +105,7 @@ class WayOn:
     def __init__(self, feasible: Feasibility, state: State, belief: Belief, scene: SceneSpec, ways: Ways) -> None:
         self._feasible, self._state, self._belief, self._scene, self._ways = feasible, state, belief, scene, ways
         self._answers: dict[int, bool] = {}
+        self._ways_open: dict[tuple[Vector3, int], bool] = {}
 
     def __call__(self, action: Sequence[int]) -> bool:
         """Whether the arm may take it by itself. Raises `AutonomyError` for what is no action."""
@@ -102,7 +125,7 @@ class WayOn:
     # ---- the rules ----------------------------------------------------------------------------------------------
 
     def _all_open(self, place_m: Vector3) -> bool:
-        return has_margin(place_m, MARGIN_M) and bool(self._ways.open_from(place_m)[: self._start][self._counts].all())
+        return has_margin(place_m, MARGIN_M) and self._ways.are_open(place_m, self._start)
 
     def _approaches_favourite(self, place_m: Vector3) -> bool:
         favourite = self._favourite
@@ -125,14 +148,14 @@ class WayOn:
         if self._back * (place_m[0] - here_m[0]) >= half_m:
             return True
         nearer_m = math.dist(here_m, start_m) - math.dist(place_m, start_m)
-        return bool(self._here[1][self._start]) and nearer_m >= half_m and self._is_open(place_m, self._start)
+        return nearer_m >= half_m and self._is_open(here_m, self._start) and self._is_open(place_m, self._start)
 
     @cached_property
     def _may_stay(self) -> bool:
         here_m, favourite = self._state.position_m, self._favourite
         if favourite is not None and self._is_open(here_m, favourite):
             return True
-        return has_margin(here_m, MARGIN_M) and bool(self._here[1][: self._start][self._counts].any())
+        return has_margin(here_m, MARGIN_M) and self._ways.is_any_open(here_m, self._start)
 
     # ---- what they rest on --------------------------------------------------------------------------------------
 
@@ -157,18 +180,13 @@ class WayOn:
         return most if self._belief.probabilities[most] > CLEAR_FAVOURITE and self._counts[most] else None
 
     @cached_property
-    def _here(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which ways from here are within reach, and which are open."""
-        return self._ways.looked_at_from(self._state.position_m)
-
-    @cached_property
     def _back(self) -> float:
         """The way back along x: 1 is forward, -1 towards the robot, 0 neither, at about the distance of the start."""
-        before_m = self._scene.start_world_m[0] - self._state.position_m[0]
-        reach, is_open = (bool(of[self._start]) for of in self._here)
+        here_m = self._state.position_m
+        before_m, is_open = self._scene.start_world_m[0] - here_m[0], self._is_open(here_m, self._start)
         if is_open and abs(before_m) <= MARGIN_M:
             return 0.0
-        return 1.0 if before_m > 0.0 and (is_open or not reach) else -1.0
+        return 1.0 if before_m > 0.0 and (is_open or not self._ways.is_reached(here_m, self._start)) else -1.0
 
     @cached_property
     def _straight_back(self) -> int | None:
@@ -180,11 +198,10 @@ class WayOn:
 
     @cached_property
     def _all_open_here(self) -> bool:
-        is_open = bool(self._here[1][: self._start][self._counts].all())
-        return is_open and has_margin(self._state.position_m, MARGIN_M)
+        return self._all_open(self._state.position_m)
 
     def _is_open(self, place_m: Vector3, which: int) -> bool:
         """The way from there to a goal, by its index, or to the start."""
-        if place_m == self._state.position_m:
-            return bool(self._here[1][which])
-        return bool(self._ways.open_from(place_m, which)[0])
+        if (place_m, which) not in self._ways_open:
+            self._ways_open[place_m, which] = self._ways.is_open(place_m, which)
+        return self._ways_open[place_m, which]

@@ -21,6 +21,7 @@ from app.trial.way_on import Gate
 from sim.interface import SLICES_PER_TICK, TICK_S, RobotCommand, SceneSpec, Vector3, WorldState
 from sim.kinematic import KinematicRobot
 from sim.layouts import scene as layout_scene
+from sim.obstacles import Obstacles
 from sim.open_ways import Ways
 
 LOWEST_M, HIGHEST_M = (0.45, -0.58, 0.83), (0.90, 0.58, 1.0)
@@ -69,7 +70,7 @@ class HandsOff:
             x_m, y_m, z_m = rng.uniform(LOWEST_M, HIGHEST_M).tolist()
             self.robot.put((x_m, y_m, z_m), held)
             out_m = np.array([(min(x_m, AISLE_X_M), y_m, z_m), (x_m, y_m, z_m)])
-            ways = Ways(self.robot.observe(), scene, out_m)
+            ways = Ways(out_m, Obstacles(self.robot.observe(), scene))
             if ways.possible.all() and ways.open_from((x_m, y_m, z_m)).all():
                 break
         world = self.robot.observe()

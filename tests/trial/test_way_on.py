@@ -26,6 +26,7 @@ from sim.ik import solve
 from sim.interface import Vector3
 from sim.kinematic import KinematicRobot
 from sim.layouts import scene as layout_scene
+from sim.obstacles import Obstacles
 from sim.open_ways import Ways
 from study.definition.study import plan_session
 from study.parts.code import Code, sha256_of
@@ -51,7 +52,7 @@ def setup(layout: str = "arc", keep_way_on: bool = True) -> StudySetup:
 def open_ways(arm: HandsOff) -> NDArray[np.bool_]:
     """To which goals the arm could go on straight from where it is."""
     back_m = 0.0 if arm.world.held else IN_FRONT_M
-    ways = Ways(arm.world, arm.scene, arm.goals.positions_m - np.array((back_m, 0.0, 0.0)))
+    ways = Ways(arm.goals.positions_m - np.array((back_m, 0.0, 0.0)), Obstacles(arm.world, arm.scene))
     return ways.open_from(arm.world.position_world_gripper_m) | ~ways.possible
 
 
