@@ -8,8 +8,9 @@ beliefs drawn from the study's own layouts. The two shares tell how well one num
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -60,22 +61,36 @@ class Band(NamedTuple):
     information_leads: float
 
 
+class Shares(NamedTuple):
+    """How well one number serves all states.
+
+    ``information_above_0_7``: of sampled states with H in (0.7, 0.99), the share where information has the larger
+    weighted range. ``goals_below_0_3``: with H in (0.01, 0.3), the share where goals have it. ``in_use``: of visited
+    states, by entropy; empty for sampled ones.
+    """
+
+    information_above_0_7: float
+    goals_below_0_3: float
+    in_use: tuple[Band, ...] = ()
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The result, with what speaks for it.
 
-    ``share_information_above_0_7``: of sampled states with H in (0.7, 0.99), the share where information has
-    the larger weighted range. ``share_goals_below_0_3``: with H in (0.01, 0.3), the share where goals have
-    it. ``ratio_quartiles``: first and third quartile of the ratio whose median is ``alpha``. ``samples``: how
-    many states ``alpha`` rests on. ``in_use``: of visited states, by entropy; empty for sampled ones.
+    ``ratio_quartiles``: first and third quartile of the ratio whose median is ``alpha``. ``samples``: how many states
+    ``alpha`` rests on. ``find_shares`` works out what only a reader wants to know, most of the time that it takes.
     """
 
     alpha: float
-    share_information_above_0_7: float
-    share_goals_below_0_3: float
     samples: int
     ratio_quartiles: tuple[float, float]
-    in_use: tuple[Band, ...] = ()
+    find_shares: Callable[[], Shares] = field(repr=False, compare=False)
+
+    @cached_property
+    def shares(self) -> Shares:
+        """How well it serves."""
+        return self.find_shares()
 
 
 def calibrate_on_visits(
@@ -88,9 +103,10 @@ def calibrate_on_visits(
         AutonomyError: too few such states, or values out of bounds.
     """
     entropies = np.array([belief_entropy(visit.belief) for visit in visits])
-    ratios = np.array([_ratio(visit, model, rationality_per_m, looking) for visit in visits])
     low, high = VISITED_ENTROPIES
-    crossing = ratios[(entropies >= low) & (entropies <= high) & np.isfinite(ratios)]
+    near = np.flatnonzero((entropies >= low) & (entropies <= high)).tolist()
+    ratios = np.array([_ratio(visits[place], model, rationality_per_m, looking) for place in near])
+    crossing = ratios[np.isfinite(ratios)]
     if all(visit.belief.shape[0] == 1 for visit in visits):
         raise AutonomyError(
             "alpha is 'calibrated'; with one goal at a time there is nothing to find out: give a number"
@@ -100,17 +116,25 @@ def calibrate_on_visits(
             f"calibrated_on is 'visited'; only {crossing.size} of {len(visits)} visited states have an entropy from "
             f"{low:g} to {high:g}, {LEAST_VISITS} are needed: calibrate on sampled ones, or give alpha as a number"
         )
-    alpha = float(np.median(crossing))
-    bands = tuple(_band(low, high, entropies, ratios, alpha) for low, high in BANDS)
     first, third = (float(quartile) for quartile in np.quantile(crossing, (0.25, 0.75)))
-    return Calibration(
-        alpha=alpha,
-        share_information_above_0_7=bands[0].information_leads,
-        share_goals_below_0_3=1.0 - bands[-1].information_leads,
-        samples=int(crossing.size),
-        ratio_quartiles=(first, third),
-        in_use=bands,
-    )
+    alpha = _median(crossing)
+    shares = partial(_shares_in_use, alpha, tuple(visits), model, rationality_per_m, looking)
+    return Calibration(alpha, int(crossing.size), (first, third), shares)
+
+
+def _shares_in_use(
+    alpha: float, visits: Sequence[Visit], model: TransitionModel, rationality_per_m: float, looking: Looking
+) -> Shares:
+    entropies = np.array([belief_entropy(visit.belief) for visit in visits])
+    ratios = np.array([_ratio(visit, model, rationality_per_m, looking) for visit in visits])
+    bands = tuple(_band(low, high, entropies, ratios, alpha) for low, high in BANDS)
+    return Shares(bands[0].information_leads, 1.0 - bands[-1].information_leads, bands)
+
+
+def _median(values: FloatArray) -> float:
+    """As `np.median`, which loads masked arrays first."""
+    ordered, half = np.sort(values).tolist(), values.size // 2
+    return float(ordered[half] if values.size % 2 else (ordered[half - 1] + ordered[half]) / 2.0)
 
 
 def _band(low: float, high: float, entropies: FloatArray, ratios: FloatArray, alpha: float) -> Band:
@@ -169,15 +193,17 @@ def calibrate_alpha(
     informative = crossing[np.isfinite(crossing)]
     if informative.size == 0:
         raise AutonomyError("goal_sets has no goals that an action tells apart; they must differ in position")
-    alpha = float(np.median(informative))
+    alpha = _median(informative)
     lower, upper = (float(quartile) for quartile in np.quantile(informative, (0.25, 0.75)))
-    return Calibration(
-        alpha=alpha,
-        share_information_above_0_7=float((sampled_ratios(_HIGH_ENTROPIES, SHARE_SAMPLES) < alpha).mean()),
-        share_goals_below_0_3=float((sampled_ratios(_LOW_ENTROPIES, SHARE_SAMPLES) > alpha).mean()),
-        samples=int(informative.size),
-        ratio_quartiles=(lower, upper),
+    shares = Shares(
+        information_above_0_7=float((sampled_ratios(_HIGH_ENTROPIES, SHARE_SAMPLES) < alpha).mean()),
+        goals_below_0_3=float((sampled_ratios(_LOW_ENTROPIES, SHARE_SAMPLES) > alpha).mean()),
     )
+    return Calibration(alpha, int(informative.size), (lower, upper), partial(_known, shares))
+
+
+def _known(shares: Shares) -> Shares:
+    return shares
 
 
 def beliefs_of_entropy(rng: np.random.Generator, goal_count: int, entropies: FloatArray) -> FloatArray:

@@ -225,13 +225,13 @@ def _models(settings: ArbiterSettings, instead: Mapping[str, Any]) -> Models:
 
 def calibration_text(calibration: Calibration) -> str:
     """The weight and how well it does what the paper wants of it (IV-A), in one line."""
-    vague, sure = calibration.share_information_above_0_7, calibration.share_goals_below_0_3
-    if calibration.in_use:
+    vague, sure = calibration.shares.information_above_0_7, calibration.shares.goals_below_0_3
+    if calibration.shares.in_use:
         low, high = calibration.ratio_quartiles
         return (
             f"alpha is calibrated to {calibration.alpha:.4g}, on {calibration.samples} states in which hands leave the "
             f"controls in teleoperation, near half entropy (quartiles {low:.4g} and {high:.4g}). In use, by entropy: "
-            + "; ".join(_band_text(band) for band in calibration.in_use)
+            + "; ".join(_band_text(band) for band in calibration.shares.in_use)
         )
     return (
         f"alpha is calibrated to {calibration.alpha:.4g}. Of sampled states, information weighs more than "

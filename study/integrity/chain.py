@@ -15,9 +15,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from study.integrity.content import CHAINED, changed_columns, content_of, key_of, keys_of, marks_of
+from study.integrity.content import (
+    CHAINED,
+    changed_columns,
+    content_and_marks_of,
+    content_of,
+    key_of,
+    keys_of,
+)
 from study.integrity.findings import Finding
-from study.records import ChainRow
+from study.records import ChainRow, row_of
 
 BEGUN = "begun"
 """The table of a link that says: what was there already is linked after this one, as it was then."""
@@ -53,7 +60,8 @@ class Linked:
 
 def entry(table: str, values: Mapping[str, Any], salt: str = "") -> Entry:
     """The entry of a row as it is written."""
-    return Entry(table, key_of(table, values), content_of(table, values, salt), marks_of(table, values), salt)
+    content, marks = content_and_marks_of(table, values, salt)
+    return Entry(table, key_of(table, values), content, marks, salt)
 
 
 def link_hash(before: str, participant: str, seq: int, entry: Entry) -> str:
@@ -74,8 +82,35 @@ def extended(head: Head, participant: str, entries: Iterable[Entry]) -> list[Cha
 
 def chained(participant: str, tables: Mapping[str, Sequence[Any]]) -> list[ChainRow]:
     """The chain of rows that were made at once, table by table: those of a simulated participant."""
-    rows = ((table, vars(row)) for table in CHAINED for row in tables.get(table, ()))
-    return extended(Head(), participant, (entry(table, values) for table, values in rows))
+    links: list[ChainRow] = []
+    head, add = "", links.append
+    for table in CHAINED:
+        keys = keys_of(table) or ()
+        for row in tables.get(table, ()):
+            values = vars(row)
+            content, marks = content_and_marks_of(table, values)
+            seq, key = len(links) + 1, key_of(table, values) if table == "tokens" else _joined(values, keys)
+            text = f"{head}\n{participant}\n{seq}\n{table}\n{key}\n{content}\n{marks}"
+            head = hashlib.sha256(text.encode()).hexdigest()
+            add(
+                row_of(
+                    ChainRow,
+                    {
+                        "participant": participant,
+                        "seq": seq,
+                        "row_table": table,
+                        "row_key": key or None,
+                        "content": content or None,
+                        "marks": marks or None,
+                        "hash": head,
+                    },
+                )
+            )
+    return links
+
+
+def _joined(values: Mapping[str, Any], keys: Sequence[str]) -> str:
+    return "_".join([str(values[name]) for name in keys])
 
 
 def tombstone_hash(participant: str, utc: str) -> str:

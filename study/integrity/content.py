@@ -12,9 +12,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import zlib
+import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
+from zlib import crc32
 
 from study.records import KEYS, TABLES, columns
 
@@ -62,6 +64,27 @@ _COLUMNS: Mapping[str, tuple[tuple[str, Callable[[Any], Any], Any], ...]] = {
 }
 
 
+_KEYED: Mapping[str, tuple[tuple[str, Callable[[Any], Any], Any, str], ...]] = {
+    table: tuple((name, read, default, f"{_encode(name)}:") for name, read, default in of)
+    for table, of in _COLUMNS.items()
+}
+_SORTED: Mapping[str, tuple[int, ...]] = {
+    table: tuple(sorted(range(len(of)), key=lambda place, of=of: of[place][0]))  # type: ignore[misc]
+    for table, of in _COLUMNS.items()
+}
+"""The places of a table's columns, in the order of their names."""
+_MARKS = tuple(f"{number:02x}" for number in range(256))
+_MARK_OF_NONE = _MARKS[crc32(b"None") & 0xFF]
+_SHORT = 40
+"""Characters of a text that may well come again: names, ids, sources."""
+_quoted = json.encoder.encode_basestring_ascii
+
+
+@lru_cache(maxsize=4096)
+def _mark_of(text: str) -> str:
+    return _MARKS[crc32(text.encode()) & 0xFF]
+
+
 def content_of(table: str, values: Mapping[str, Any], salt: str = "") -> str:
     """The hash of a row, in hex. `salt` goes before it where the hash is published and the row is not."""
     if table in _COLUMNS:
@@ -76,7 +99,48 @@ def content_of(table: str, values: Mapping[str, Any], salt: str = "") -> str:
 def marks_of(table: str, values: Mapping[str, Any]) -> str:
     """Two hex digits for each column, by which one that changed is found; "" for the lab's own tables."""
     found = (str(read(values.get(name))) for name, read, _ in _COLUMNS.get(table, ()))
-    return "".join(f"{zlib.crc32(text.encode()) & 0xFF:02x}" for text in found)
+    return "".join(f"{crc32(text.encode()) & 0xFF:02x}" for text in found)
+
+
+def content_and_marks_of(table: str, values: Mapping[str, Any], salt: str = "") -> tuple[str, str]:
+    """Both at once, in half the time, since each value is put into words once for both."""
+    if table not in _COLUMNS:
+        return content_of(table, values, salt), ""
+    try:
+        return _content_and_marks_of(table, values, salt)
+    except (TypeError, ValueError):  # one of them may be had
+        return content_of(table, values, salt), marks_of(table, values)
+
+
+def _content_and_marks_of(table: str, values: Mapping[str, Any], salt: str) -> tuple[str, str]:
+    parts: list[str | None] = []
+    marks: list[str] = []
+    add, mark = parts.append, marks.append
+    for name, read, default, key in _KEYED[table]:
+        value = values.get(name)
+        kind = type(value)
+        if value is None:
+            add(None)
+            mark(_MARK_OF_NONE)
+        elif kind is float and read is _plain and -math.inf < value < math.inf:
+            value += 0.0
+            text = repr(value)
+            add(None if value == default else key + text)
+            mark(_MARKS[crc32(text.encode()) & 0xFF])
+        elif kind is int:
+            text = repr(value)
+            add(None if value == default else key + text)
+            mark(_mark_of(text))
+        elif kind is str and (read is _plain or "\r" not in value) and (value or read is _plain):
+            add(None if value == default else key + _quoted(value))
+            mark(_mark_of(value) if len(value) < _SHORT else _MARKS[crc32(value.encode()) & 0xFF])
+        else:
+            value = read(value)
+            add(None if value is None or value == default else key + _encode(value))
+            mark(_MARKS[crc32(str(value).encode()) & 0xFF])
+    kept = [part for part in [parts[place] for place in _SORTED[table]] if part is not None]
+    text = f'{salt}["{table}",{{{",".join(kept)}}}]'
+    return hashlib.sha256(text.encode()).hexdigest(), "".join(marks)
 
 
 def changed_columns(table: str, values: Mapping[str, Any], marks: str) -> list[str]:

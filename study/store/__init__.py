@@ -23,25 +23,29 @@ The rest of the project uses the names below and nothing further in. Where to lo
     values        what the store hands out, and its error
 """
 
-from study.store.async_store import AsyncStore
-from study.store.backup import back_up, restore
-from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
-from study.store.database import is_in_use
-from study.store.fingerprint import fingerprint_id, machine_fingerprint
-from study.store.snapshot import Snapshot
-from study.store.store import Store, open_store
-from study.store.values import (
-    Batch,
-    ConsentGiven,
-    Cycle,
-    Identity,
-    SessionUnreadable,
-    StoredSession,
-    StoreError,
-    Submission,
-    UnreadableSession,
-)
-from study.store.verification import verify_data
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from study.store.async_store import AsyncStore
+    from study.store.backup import back_up, restore
+    from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
+    from study.store.database import is_in_use
+    from study.store.fingerprint import fingerprint_id, machine_fingerprint
+    from study.store.snapshot import Snapshot
+    from study.store.store import Store, open_store
+    from study.store.values import (
+        Batch,
+        ConsentGiven,
+        Cycle,
+        Identity,
+        SessionUnreadable,
+        StoredSession,
+        StoreError,
+        Submission,
+        UnreadableSession,
+    )
+    from study.store.verification import verify_data
 
 __all__ = [
     "WHAT_TO_DO",
@@ -68,3 +72,38 @@ __all__ = [
     "restore",
     "verify_data",
 ]
+
+_MODULES = {
+    "AsyncStore": "study.store.async_store",
+    "Batch": "study.store.values",
+    "ConsentGiven": "study.store.values",
+    "Cycle": "study.store.values",
+    "Identity": "study.store.values",
+    "SessionUnreadable": "study.store.values",
+    "Snapshot": "study.store.snapshot",
+    "Store": "study.store.store",
+    "StoreError": "study.store.values",
+    "StoreTroubled": "study.store.condition",
+    "StoredSession": "study.store.values",
+    "Submission": "study.store.values",
+    "Trouble": "study.store.condition",
+    "TroubleKind": "study.store.condition",
+    "UnreadableSession": "study.store.values",
+    "WHAT_TO_DO": "study.store.condition",
+    "back_up": "study.store.backup",
+    "fingerprint_id": "study.store.fingerprint",
+    "is_in_use": "study.store.database",
+    "machine_fingerprint": "study.store.fingerprint",
+    "open_store": "study.store.store",
+    "restore": "study.store.backup",
+    "verify_data": "study.store.verification",
+}
+"""Where each name is: who asks for one alone, such as what a machine is, does not load the database library for it."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(importlib.import_module(_MODULES[name]), name)
+    globals()[name] = found
+    return found

@@ -31,8 +31,8 @@ def test_sampled_beliefs_have_the_wanted_entropy() -> None:
 def test_alpha_makes_information_lead_when_unsure_and_goals_when_sure(kind: Any) -> None:
     result = calibrate_alpha([OBJECTS, BINS], WORKSPACE, TransitionModel(kind), 5.0, seed=1)
     assert result.ratio_quartiles[0] < result.alpha < result.ratio_quartiles[1]
-    assert result.share_information_above_0_7 > 0.8
-    assert result.share_goals_below_0_3 > 0.8
+    assert result.shares.information_above_0_7 > 0.8
+    assert result.shares.goals_below_0_3 > 0.8
     assert result.samples == CROSSING_SAMPLES
 
 

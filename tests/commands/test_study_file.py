@@ -78,7 +78,7 @@ def test_a_file_without_mistakes_is_summed_up_with_its_hash_and_weight(capsys: p
     assert weight.startswith(
         f"alpha is calibrated to {calibration.alpha:.4g}, on {calibration.samples} states in which "
     )
-    for band in calibration.in_use:
+    for band in calibration.shares.in_use:
         assert f"{band.information_leads:.0%}" in weight and f"{band.states:.0%} of states" in weight
 
 
@@ -104,8 +104,10 @@ def test_alpha_on_states_at_random_is_told_with_its_shares(capsys: pytest.Captur
     calibration = study_setup(open_study(Path("first.toml"))).calibration
     assert calibration is not None
     assert weight.startswith(f"alpha is calibrated to {calibration.alpha:.4g}. ")
-    assert f"information weighs more than goals in {calibration.share_information_above_0_7:.0%} with a vague" in weight
-    assert f"goals weigh more in {calibration.share_goals_below_0_3:.0%} with a sure" in weight
+    assert (
+        f"information weighs more than goals in {calibration.shares.information_above_0_7:.0%} with a vague" in weight
+    )
+    assert f"goals weigh more in {calibration.shares.goals_below_0_3:.0%} with a sure" in weight
 
 
 def test_a_weight_that_is_given_is_not_calibrated(capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,7 +43,7 @@ def test_alpha_is_the_median_over_visits_near_half_entropy() -> None:
     assert found.alpha == pytest.approx(np.median(ratios), rel=1e-12)
     assert found.samples == len(ratios) > 200
     assert found.alpha < study_setup(study(calibrated_on="sampled")).arbiters["balanced"].parameters["alpha"] / 1.5
-    assert sum(band.states for band in found.in_use) == pytest.approx(1.0)
+    assert sum(band.states for band in found.shares.in_use) == pytest.approx(1.0)
     assert study_setup(of).calibration == found, "another worker has another number"
 
 
