@@ -67,7 +67,7 @@ class SessionContext:
     async def commit(self, batch: Batch) -> None:
         """Write one batch; it is on disk when this returns, however long the disk takes."""
         began_s = time.perf_counter()
-        await self.services.store.keep(lambda store: store.commit(batch))
+        await self.services.store.commit(batch)
         self.services.metrics.committed(time.perf_counter() - began_s)
         self.history.add_events(event for event in batch.events if event.kind != "round_trip")
 

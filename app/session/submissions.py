@@ -75,7 +75,7 @@ class Submissions:
 
     async def _on_submit(self, client: Client, message: Submit) -> None:
         context, participant = self._context, self._context.enrolment.participant
-        answered = await context.services.store.keep(lambda store: store.response(participant, message.id))
+        answered = await context.services.store.find(lambda store: store.response(participant, message.id))
         if answered is not None:
             _answer_again(client, message.id, answered)
             return

@@ -3,7 +3,8 @@
 The rest of the project uses the names below and nothing further in. Where to look:
 
     store         `Store`: everything the lab asks of its data; each method that writes is one transaction
-    async_store   a store for asyncio code: one thread does all the writing, and tries again while the disk does not do
+    async_store   a store for asyncio code, which tries again while the disk does not do
+    writing       the one thread that writes: what waits together is committed together
     condition     what the disk can do to a store, and what helps
     rescue        a copy of a database whose file is gone
     fingerprint   the machine and the versions that data were recorded on

@@ -1,11 +1,13 @@
-"""A store for asyncio code: one thread does all the writing, in the order it was asked.
+"""A store for asyncio code: one thread does all the writing, in the order it was asked (`study.store.writing`).
 
 When the disk does not do (full, locked, gone, …) that is a state and not only an error: `trouble` says what is wrong
 and since when, listeners are told at once, and what must be kept is tried again until it is on disk.
 
-    run(work)    for whoever can be refused: tries for a moment, then raises `StoreTroubled`
-    keep(work)   for what has happened and must not be lost: returns when it is on disk, however long that takes
-    read(work)   past the writing, which may be held up
+    run(work)       for whoever can be refused: tries for a moment, then raises `StoreTroubled`
+    keep(work)      for what has happened and must not be lost: returns when it is on disk, however long that takes
+    commit(batch)   the same for a batch, which is committed together with what else waits
+    find(work)      looks something up, however long that takes
+    read(work)      looks something up, or raises
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from typing import Any, TypeVar
 
 from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
 from study.store.store import Store, open_store
-from study.store.values import StoreError
+from study.store.values import Batch
+from study.store.writing import Work, WritingThread, Written, done_on
 
 log = logging.getLogger(__name__)
 
@@ -72,11 +75,11 @@ class AsyncStore:
         self.last_write_s = 0.0
         self.now_s = now_s
         self._now_unix_s = now_unix_s
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
+        self._thread = WritingThread(store)
         self._readers = ThreadPoolExecutor(max_workers=READERS, thread_name_prefix="store reader")
         self._listeners: list[Listener] = []
         self._waiting: dict[int, float] = {}
-        self._kept: dict[int, Callable[[Store], Any]] = {}
+        self._kept: dict[int, Work] = {}
         self._rescued: set[int] = set()
         self._numbers = 0
         self._damage: StoreTroubled | None = None
@@ -92,23 +95,33 @@ class AsyncStore:
 
         Raises `StoreTroubled` when the disk has not done for `PATIENCE_S`.
         """
-        return await self._until(work, self.now_s() + PATIENCE_S)
+        result: Result = await self._until(work, self.now_s() + PATIENCE_S)
+        return result
 
     async def keep(self, work: Callable[[Store], Result]) -> Result:
         """As `run`, and not given up while the disk does not do. It holds one write at most: a second one would be
         done again when what follows it fails."""
-        self._numbers += 1
-        number = self._numbers
-        self._kept[number] = work
-        try:
-            return await self._until(work, math.inf, number)
-        finally:
-            self._kept.pop(number, None)
-            self._rescued.discard(number)
+        kept: Result = await self._keep(work)
+        return kept
+
+    async def commit(self, batch: Batch) -> bool:
+        """As `keep` with `Store.commit`: what other batches wait for, it waits for together with them."""
+        is_new: bool = await self._keep(batch)
+        return is_new
 
     async def read(self, work: Callable[[Store], Result]) -> Result:
         """Look something up without waiting for what is being written."""
         return await asyncio.get_running_loop().run_in_executor(self._readers, work, self.store)
+
+    async def find(self, work: Callable[[Store], Result]) -> Result:
+        """As `read`, and not given up while the disk does not do."""
+        for pause_s in _pauses_s():
+            try:
+                return await self.read(work)
+            except StoreTroubled as error:
+                self._troubled(error.kind, str(error))
+            await asyncio.sleep(pause_s)
+        raise AssertionError("the pauses have no end")
 
     @property
     def waiting(self) -> int:
@@ -137,23 +150,32 @@ class AsyncStore:
                     task.cancel()
                 await asyncio.gather(task, return_exceptions=True)
         loop = asyncio.get_running_loop()
-        await loop.run_in_executor(None, self._thread.shutdown)
+        await loop.run_in_executor(None, self._thread.close)
         await loop.run_in_executor(None, self._readers.shutdown)
         self.store.close()
 
     # ---- one try after the other --------------------------------------------------------------------------------
 
-    async def _until(self, work: Callable[[Store], Result], give_up_s: float, number: int = 0) -> Result:
+    async def _keep(self, work: Work) -> Any:
+        self._numbers += 1
+        number = self._numbers
+        self._kept[number] = work
+        try:
+            return await self._until(work, math.inf, number)
+        finally:
+            self._kept.pop(number, None)
+            self._rescued.discard(number)
+
+    async def _until(self, work: Work, give_up_s: float, number: int = 0) -> Any:
         """The result of the first try that the disk did; `number` is that of what is kept."""
-        done: _Written | None = None
+        done: Written | None = None
         for pause_s in _pauses_s():
             try:
                 if done is None:
                     done = await self._attempt(work)
                     self._kept.pop(number, None)  # it stands in what is open, wherever that is now
-                await self._prove(done)
-                result: Result = done.result
-                return result
+                self._prove(done)
+                return done.result
             except StoreTroubled as error:
                 self._troubled(error.kind, str(error))
                 if self.now_s() + pause_s > give_up_s:
@@ -161,7 +183,7 @@ class AsyncStore:
             await asyncio.sleep(pause_s)
         raise AssertionError("the pauses have no end")
 
-    async def _attempt(self, work: Callable[[Store], Any]) -> _Written:
+    async def _attempt(self, work: Work) -> Written:
         """Try once, and notice when that takes long."""
         loop = asyncio.get_running_loop()
         self._numbers += 1
@@ -169,7 +191,7 @@ class AsyncStore:
         self._waiting[number] = began_s = self.now_s()
         timer = loop.call_later(SLOW_AFTER_S, self._is_slow, number)
         try:
-            written = await asyncio.shield(loop.run_in_executor(self._thread, self._do, work))
+            written = await asyncio.shield(self._thread.do(work))
         finally:
             timer.cancel()
             del self._waiting[number]
@@ -179,18 +201,7 @@ class AsyncStore:
             self._well()
         return written
 
-    def _do(self, work: Callable[[Store], Any]) -> _Written:
-        """On the thread that writes."""
-        before = self.store.writes
-        try:
-            result = work(self.store)
-        except StoreTroubled as error:
-            if self.store.writes > before:  # half of it is done: it must not be done again
-                raise StoreError(str(error)) from error
-            raise
-        return _Written(result, self.store.writes > before)
-
-    async def _prove(self, done: _Written) -> None:
+    def _prove(self, done: Written) -> None:
         """Written, and to the file that has the name. Raises `StoreTroubled`."""
         if not done.wrote:
             return
@@ -257,7 +268,7 @@ class AsyncStore:
             elif now_s - max(tried_s, self._wrote_s) >= (TRY_EVERY_S if self.trouble is None else 2 * LOOK_EVERY_S):
                 tried_s = now_s
                 try:
-                    await self._prove(await self._attempt(lambda store: store.try_to_write()))
+                    self._prove(await self._attempt(lambda store: store.try_to_write()))
                 except StoreTroubled as error:
                     self._troubled(error.kind, str(error))
                 except Exception:
@@ -291,36 +302,27 @@ class AsyncStore:
     async def _rescue(self, folder: Path | None) -> None:
         works = {number: work for number, work in self._kept.items() if number not in self._rescued}
         self._rescued |= works.keys()
-        loop = asyncio.get_running_loop()
         try:
-            made = await loop.run_in_executor(self._thread, self._copy_out, folder, tuple(works.values()))
+            copied = await self._thread.do(lambda store: self._copy_out(folder, tuple(works.values())))
         except Exception as error:
             self._rescued -= works.keys()
             log.error("what the lab holds could not be copied: %s", error)
             return
         if self.trouble is not None and self.trouble.rescue is None:
-            log.error("all that the lab has recorded was copied to %s; a lab can be started on it", made)
-            self._tell(replace(self.trouble, rescue=made))
+            log.error("all that the lab has recorded was copied to %s; a lab can be started on it", copied.result)
+            self._tell(replace(self.trouble, rescue=copied.result))
 
-    def _copy_out(self, folder: Path | None, works: tuple[Callable[[Store], Any], ...]) -> Path:
+    def _copy_out(self, folder: Path | None, works: tuple[Work, ...]) -> Path:
         """On the thread that writes: the copy, made now or before, and in it what the disk has not taken."""
         if folder is None:
             folder = self.store.rescue(datetime.now(timezone.utc).isoformat())
         with open_store(folder, must_exist=False, flow=self.store.flow) as copy:
             for work in works:
                 try:
-                    work(copy)
+                    done_on(copy, work)
                 except Exception:
                     log.exception("something that was waiting could not be written to %s", folder)
         return folder
-
-
-class _Written:
-    """What a try came to, and whether it wrote."""
-
-    def __init__(self, result: Any, wrote: bool) -> None:
-        self.result = result
-        self.wrote = wrote
 
 
 def _pauses_s() -> Iterator[float]:

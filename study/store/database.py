@@ -97,6 +97,10 @@ def _lock(folder: Path) -> Lock:
     return lock
 
 
+class TransactionUndone(StoreError):
+    """An error in a part for which SQLite has undone the whole transaction, as it does when memory runs out."""
+
+
 class Database:
     """The open file and its transactions. Made by `open_database`; usable from several threads.
 
@@ -132,12 +136,36 @@ class Database:
     @contextmanager
     def write(self) -> Iterator[sql.Connection]:
         """A transaction that is on disk when the `with` ends, or leaves nothing when it raises."""
-        with self._told(), self._writing.begin() as connection:
-            ledger.open_ledger(connection)
+        with self.transaction() as connection, ledger.linked(connection):
             yield connection
-            ledger.close_ledger(connection)
+
+    @contextmanager
+    def transaction(self) -> Iterator[sql.Connection]:
+        """As `write`, for what is written in `part`s alone."""
+        with self._told(), self._writing.begin() as connection:
+            yield connection
             self._must_be_in_place()
         self.writes += 1
+
+    @contextmanager
+    def part(self, connection: sql.Connection) -> Iterator[None]:
+        """A part of a transaction: when it raises, nothing of it is left, and the transaction may go on.
+
+        Raises `TransactionUndone` where SQLite itself has undone the whole transaction for it.
+        """
+        driver: Any = connection.connection.driver_connection
+        with self._told():
+            driver.execute("SAVEPOINT part")
+            try:
+                with self._told(), ledger.linked(connection):
+                    yield
+            except BaseException as error:
+                if not driver.in_transaction:
+                    raise TransactionUndone(str(error)) from error
+                driver.execute("ROLLBACK TO part")
+                driver.execute("RELEASE part")
+                raise
+            driver.execute("RELEASE part")
 
     @contextmanager
     def read(self) -> Iterator[sql.Connection]:
@@ -310,12 +338,13 @@ class Database:
         """Whatever the database says becomes one line with the file's name."""
         try:
             yield
-        except sql.exc.DBAPIError as error:
-            kind = kind_of(str(error.orig))
+        except (sql.exc.DBAPIError, sqlite3.Error) as error:
+            said = error.orig if isinstance(error, sql.exc.DBAPIError) else error
+            kind = kind_of(str(said))
             if kind is None:
-                raise StoreError(f"{self.path}: {error.orig}") from error
+                raise StoreError(f"{self.path}: {said}") from error
             self._must_be_in_place()  # or that is why
-            raise StoreTroubled(kind, f"{self.path}: {error.orig}") from error
+            raise StoreTroubled(kind, f"{self.path}: {said}") from error
         except OverflowError as error:
             raise StoreError(f"{self.path}: a whole number beyond 64 bits cannot be stored") from error
 

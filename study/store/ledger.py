@@ -9,6 +9,7 @@ from __future__ import annotations
 import secrets
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sql
@@ -20,6 +21,14 @@ from study.store.tables import CHAINED_TABLES, RECORDS, SESSIONS
 _INFO = "chain"
 """Where the entries wait, on the connection."""
 _SALT_BYTES = 16
+
+
+@contextmanager
+def linked(connection: sql.Connection) -> Iterator[None]:
+    """What is written inside is linked at its end."""
+    open_ledger(connection)
+    yield
+    close_ledger(connection)
 
 
 def open_ledger(connection: sql.Connection) -> None:

@@ -19,7 +19,8 @@ from study.flow.recorded import RECEIVED
 from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
 from study.store import certificates, erasure, migration, participants, progress, rows
-from study.store.database import Database, open_database
+from study.store.condition import StoreTroubled
+from study.store.database import Database, TransactionUndone, open_database
 from study.store.rescue import copy_out
 from study.store.snapshot import Snapshot
 from study.store.values import Batch, Cycle, SessionUnreadable, StoredSession, StoreError, UnreadableSession
@@ -260,29 +261,78 @@ class Store:
     def commit(self, batch: Batch) -> bool:
         """Write a batch; on disk at return. False, and nothing written, when its submission was answered before."""
         with self._database.write() as connection:
-            sent = batch.submission
-            if sent is not None:
-                if progress.response_to(connection, sent.participant, sent.message_id) is not None:
-                    return False
-                progress.save_response(connection, sent.participant, sent.message_id, sent.response)
-            for identity in batch.identities:
-                participants.add_identity(connection, identity.participant, identity.kind, identity.text)
-            if batch.session is not None:
-                progress.save_session(connection, batch.session, batch.consent, batch.finished_utc)
-            rows.add(connection, "ticks", batch.ticks)
-            rows.add(connection, "practice_ticks", batch.practice_ticks)
-            rows.put(connection, "trials", batch.trials)
-            rows.put(connection, "tasks", batch.tasks)
-            rows.put(connection, "alerts", batch.alerts)
-            rows.add(connection, "survey_answers", batch.answers)
-            rows.add(connection, "events", batch.events)
-            for cycle in batch.cycles:
-                progress.save_cycle(connection, cycle)
-            for participant, utc in _to_certify(batch).items():
-                certificates.certify(connection, self.path.parent, participant, utc)
+            is_new = self._write(connection, batch)
+        self._phase_ended([batch])
+        return is_new
+
+    def commit_all(self, batches: Sequence[Batch]) -> list[bool | Exception]:
+        """Write batches in their order, waiting for the disk once. Of each, what `commit` returns, or the error that it
+        raises: then nothing of that one is written, and no other lacks anything."""
+        if len(batches) > 1:
+            try:
+                return self._commit_together(batches)
+            except StoreTroubled as error:
+                if error.kind != "full":
+                    return [error] * len(batches)
+            except StoreError:
+                pass
+        return self._commit_in_turn(batches)  # some may fit, and what is wrong with one is told of that one
+
+    def _commit_together(self, batches: Sequence[Batch]) -> list[bool | Exception]:
+        found: list[bool | Exception] = []
+        with self._database.transaction() as connection:
+            for batch in batches:
+                try:
+                    with self._database.part(connection):
+                        is_new = self._write(connection, batch)
+                except (StoreTroubled, TransactionUndone):
+                    raise
+                except Exception as error:
+                    found.append(error)
+                else:
+                    found.append(is_new)
+        self._phase_ended(batches)
+        return found
+
+    def _commit_in_turn(self, batches: Sequence[Batch]) -> list[bool | Exception]:
+        """Until the disk does not do: then of those that follow, the same is true."""
+        found: list[bool | Exception] = []
+        for batch in batches:
+            try:
+                found.append(self.commit(batch))
+            except StoreTroubled as error:
+                return [*found, *[error] * (len(batches) - len(found))]
+            except Exception as error:
+                found.append(error)
+        return found
+
+    def _write(self, connection: Any, batch: Batch) -> bool:
+        sent = batch.submission
+        if sent is not None:
+            if progress.response_to(connection, sent.participant, sent.message_id) is not None:
+                return False
+            progress.save_response(connection, sent.participant, sent.message_id, sent.response)
+        for identity in batch.identities:
+            participants.add_identity(connection, identity.participant, identity.kind, identity.text)
         if batch.session is not None:
-            self._database.move_log()  # a phase has ended: a copy of the file alone then lacks little
+            progress.save_session(connection, batch.session, batch.consent, batch.finished_utc)
+        rows.add(connection, "ticks", batch.ticks)
+        rows.add(connection, "practice_ticks", batch.practice_ticks)
+        rows.put(connection, "trials", batch.trials)
+        rows.put(connection, "tasks", batch.tasks)
+        rows.put(connection, "alerts", batch.alerts)
+        rows.add(connection, "survey_answers", batch.answers)
+        rows.add(connection, "events", batch.events)
+        for cycle in batch.cycles:
+            progress.save_cycle(connection, cycle)
+        for participant, utc in _to_certify(batch).items():
+            certificates.certify(connection, self.path.parent, participant, utc)
         return True
+
+    def _phase_ended(self, batches: Sequence[Batch]) -> None:
+        """Where one has, a copy of the file alone is to lack little."""
+        if any(batch.session is not None for batch in batches):
+            self._database.move_log()
 
     def response(self, participant: str, message_id: str) -> dict[str, Any] | None:
         """What a message was answered with, or None when it is new."""

@@ -57,8 +57,8 @@ def depth() -> Iterable[Figure]:
 
 
 def lockstep() -> Iterable[Figure]:
-    """ticks per second through the whole stack, by the scripted client"""
-    from tests.bench.live import lockstep_figures
+    """ticks a second through the whole stack, and studies a minute, by scripted clients"""
+    from tests.bench.lockstep import lockstep_figures
 
     return lockstep_figures()
 

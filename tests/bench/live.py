@@ -1,4 +1,4 @@
-"""Figures of a running lab: a session against the clock on pybullet, and one in lockstep. See tests/bench."""
+"""Figures of a running lab: a session against the clock on pybullet. See tests/bench."""
 
 from __future__ import annotations
 
@@ -18,12 +18,9 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from app.simulated.bot import run_bot
 from app.simulated.connection import PageAccess, camera_message, enter
-from app.trial.robots import ROBOTS
 from tests.bench.figure import Figure
 from tests.support import lab_server
-from tests.support.lab_server import LabServer
 from tests.support.viser_client import PROTOCOL, decoded
 from tests.support.wire_client import Player, invite, stored, visit, write_study
 
@@ -31,9 +28,6 @@ LIVE_S = 30.0
 PUSH_S = 0.7
 """How long the scripted client pushes in one direction: neither in step with the ticks nor a multiple of them."""
 DIRECTIONS = ((0, 1, 0), (0, 0, 1), (0, -1, 0), (0, 0, -1))
-
-
-# ---- against the clock ------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -132,24 +126,3 @@ async def _count(socket: ClientConnection, received: SceneBytes) -> None:
     with contextlib.suppress(asyncio.CancelledError):
         while True:
             received.later += len(await socket.recv())
-
-
-# ---- lockstep ---------------------------------------------------------------------------------------------------
-
-
-def lockstep_figures() -> Iterator[Figure]:
-    """The bot's whole study: forms, worker starts and every commit to disk included."""
-    for robot in reversed([name for name in ROBOTS.shipped if not ROBOTS.lacking(name)]):
-        with tempfile.TemporaryDirectory() as folder:
-            study = write_study(Path(folder))
-            options = ("--robot", robot, "--pace", "lockstep", "--no-scene", "--study", str(study))
-            with lab_server.start(Path(folder) / "data", *options) as lab:
-                ticks, seconds = _play(lab)
-        yield Figure(f"{robot}: one study through the whole stack", f"{ticks / seconds:.0f} ticks/s")
-
-
-def _play(lab: LabServer) -> tuple[int, float]:
-    link = invite(lab)["link"]
-    started_s = time.perf_counter()
-    report = asyncio.run(run_bot(link))
-    return report.ticks, time.perf_counter() - started_s

@@ -1,16 +1,41 @@
-"""Run as a process of its own by `test_store`: writes ticks for ever and prints each one that is on disk."""
+"""Run as a process of its own by tests of the store: writes ticks for ever and prints each one that is on disk.
+
+python -m tests.support.store_writer FOLDER WHO          one after the other
+python -m tests.support.store_writer FOLDER WHO WHO …    of several people at once, as a lab does: `WHO NUMBER`
+"""
 
 from __future__ import annotations
 
+import asyncio
+import itertools
 import sys
 
-from study.store import open_store
+from study.store import AsyncStore, Batch, open_store
 from tests.support.study_samples import append_tick, tick_row
 
-if __name__ == "__main__":
-    with open_store(sys.argv[1], exclusive=True) as store:
-        number = 0
-        while True:
-            append_tick(store, tick_row(sys.argv[2], tick=number))
+
+def alone(folder: str, who: str) -> None:
+    """Ticks of one person."""
+    with open_store(folder, exclusive=True) as store:
+        for number in itertools.count():
+            append_tick(store, tick_row(who, tick=number))
             print(number, flush=True)
-            number += 1
+
+
+async def together(folder: str, *people: str) -> None:
+    """Ticks of several people, each of whom waits for their own."""
+    store = AsyncStore(open_store(folder, exclusive=True))
+
+    async def drive(who: str) -> None:
+        for number in itertools.count():
+            await store.commit(Batch(ticks=(tick_row(who, tick=number),)))
+            print(who, number, flush=True)
+
+    await asyncio.gather(*map(drive, people))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 3:
+        asyncio.run(together(*sys.argv[1:]))
+    else:
+        alone(*sys.argv[1:])
