@@ -117,6 +117,14 @@ def tree_bytes(pid: int) -> TreeBytes:
     return TreeBytes(sizes[1], sum(sizes[2:]), resident)
 
 
+def busy_cpu_s() -> float:
+    """Processor time that the machine has spent on anything at all, since it was started, in seconds of one core."""
+    times = psutil.cpu_times()
+    waits = times.idle + getattr(times, "iowait", 0.0)
+    twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)  # user has them in it
+    return float(sum(times) - waits - twice)
+
+
 def memory_bytes() -> int:
     """How much memory the machine has."""
     return int(psutil.virtual_memory().total)

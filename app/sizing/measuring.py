@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from app.errors import LabError
-from app.processes import free_bytes, tree_bytes
+from app.processes import busy_cpu_s, free_bytes, tree_bytes
 from app.sizing import machine
 from app.sizing.crowd import Crowd
 from app.sizing.figures_of_lab import COMMITS, Reading, bucket_share, late_ms, most, read, share
@@ -166,7 +166,7 @@ class Run:
         failed = crowd.told.failed
         arrived = self._let_come(crowd, sessions)
         self._keep(crowd, sessions, SETTLE_S)
-        before, cpu_before_s, told_before = read(lab), crowd.cpu_s(), crowd.told
+        before, cpu_before_s, told_before, busy_before_s = read(lab), crowd.cpu_s(), crowd.told, busy_cpu_s()
         from_unix_s, from_s = time.time(), time.monotonic()
         readings = [before]
 
@@ -175,10 +175,12 @@ class Run:
             readings.append(read(lab))
 
         self._keep(crowd, sessions, self.asked.seconds, look)
-        after, cpu_after_s, told = read(lab), crowd.cpu_s(), crowd.told
+        after, cpu_after_s, told, busy_s = read(lab), crowd.cpu_s(), crowd.told, busy_cpu_s()
         seconds, to_unix_s = time.monotonic() - from_s, time.time()
         memory, late = tree_bytes(lab.pid), late_ms(lab, from_unix_s, to_unix_s)
         people = [(now_s - was_s) / seconds for was_s, now_s in zip(cpu_before_s, cpu_after_s, strict=False)]
+        web, workers = after.web_cpu_s - before.web_cpu_s, max(0.0, after.workers_cpu_s - before.workers_cpu_s)
+        others = (busy_s - busy_before_s - web - workers) / seconds - sum(people)
         commits = before.buckets(COMMITS), after.buckets(COMMITS)
         return Step(
             sessions=sessions,
@@ -191,10 +193,11 @@ class Run:
             late=sum(one > LATE_MS for one in late),
             missed=int(_more(before, after, "salab_ticks_missed_total")),
             held=told.holds - told_before.holds,
-            web_cores=(after.web_cpu_s - before.web_cpu_s) / seconds,
-            worker_cores=max(0.0, after.workers_cpu_s - before.workers_cpu_s) / seconds,
+            web_cores=web / seconds,
+            worker_cores=workers / seconds,
             people_cores=sum(people),
             busiest_people_cores=max(people, default=0.0),
+            others_cores=max(0.0, others),
             commit_p50_ms=1e3 * bucket_share(*commits, 0.5),
             commit_p99_ms=1e3 * bucket_share(*commits, 0.99),
             store_queue=most(readings, "salab_store_queue_length"),

@@ -37,8 +37,11 @@ OVERLOAD = 1.5
 FILES_OF_LAB, FILES_PER_SESSION = 150, 12
 """Open files of a lab: its own, and of each session (page, two 3-D views and their far ends, the worker's pipes)."""
 
-Bottleneck = Literal["workers", "web", "writer", "memory", "people", "unknown"]
-"""What gives way first: the sessions' processes, the lab's own, the disk, memory, or the scripted people themselves."""
+Bottleneck = Literal["workers", "web", "writer", "memory", "people", "others", "unknown"]
+"""What gives way first: the sessions' processes, the lab's own, the disk, memory, the scripted people themselves, or
+programs that have nothing to do with it."""
+BUSY = 0.15
+"""A machine on which others take this share of the cores is no place to measure on."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,8 @@ class Step:
     people_cores: float
     busiest_people_cores: float
     """Of the scripted people's processes, the one that did the most."""
+    others_cores: float
+    """What everything else on the machine took."""
     commit_p50_ms: float
     commit_p99_ms: float
     store_queue: int
@@ -162,9 +167,10 @@ def bottleneck(step: Step, room: Room) -> Bottleneck:
         return "people"
     if step.web_cores > FULL:
         return "web"
-    is_full = step.lab_cores + step.people_cores > FULL * room.cores or step.lab_cores > FULL * room.lab_cores
-    if is_full:
+    everything = step.lab_cores + step.people_cores + step.others_cores
+    if everything > FULL * room.cores or step.lab_cores > FULL * room.lab_cores:
         takes: dict[Bottleneck, float] = {"workers": step.worker_cores, "web": step.web_cores}
+        takes["others"] = step.others_cores
         if room.lab_cores == room.cores:
             takes["people"] = step.people_cores
         return max(takes, key=lambda name: takes[name])

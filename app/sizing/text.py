@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from app.sizing.rule import LATE_MS, RESERVE, Bottleneck, Room, Step, Verdict, why_it_breaks
+from app.sizing.rule import BUSY, LATE_MS, RESERVE, Bottleneck, Room, Step, Verdict, why_it_breaks
 
 HEAD = (
-    f"{'':8}{'tick late by, ms':^24}{'>' + format(LATE_MS, 'g') + ' ms':>8}{'cores of':^22}{'memory, MB':^16}"
-    f"{'on disk, ms':^14}{'most':>7}\n"
-    f"{'people':>8}{'p50':>8}{'p99':>8}{'most':>8}{'%':>8}{'lab':>6}{'workers':>9}{'people':>7}{'each':>8}{'all':>8}"
-    f"{'p50':>7}{'p99':>7}{'waiting':>8}"
+    f"{'':8}{'tick late by, ms':^21}{'>' + format(LATE_MS, 'g') + ' ms':>8}{'cores of':^26}{'memory, MB':^15}"
+    f"{'on disk, ms':^14}{'most':>8}\n"
+    f"{'people':>8}{'p50':>7}{'p99':>7}{'most':>7}{'%':>8}{'lab':>6}{'workers':>8}{'people':>7}{'else':>5}{'each':>7}"
+    f"{'all':>8}{'p50':>7}{'p99':>7}{'waiting':>8}"
 )
 GIVES_WAY: dict[Bottleneck, str] = {
     "workers": "the processor time of the sessions' processes: more cores hold more people",
     "web": "the lab's own process, which runs on one core: a faster core holds more people",
     "writer": "the disk: what happened waits to be on it; a faster one holds more people",
     "memory": "memory: more of it holds more people",
+    "others": "other programs on this machine: measure again when it has nothing else to do",
     "people": "the scripted people themselves, not the lab: it may hold more than this says",
     "unknown": "nothing that was measured; something else on this machine may have taken it",
 }
@@ -31,9 +32,10 @@ def line(step: Step) -> str:
     """One step of the table."""
     waiting = max(step.store_queue, step.session_queue, step.outgoing_queue)
     return (
-        f"{step.sessions:8d}{step.late_p50_ms:8.1f}{step.late_p99_ms:8.1f}{step.late_most_ms:8.1f}"
-        f"{100 * step.late_share:8.2f}{step.web_cores:6.2f}{step.worker_cores:9.2f}{step.people_cores:7.2f}"
-        f"{step.mb_per_session:8.1f}{step.lab_mb:8.0f}{step.commit_p50_ms:7.1f}{step.commit_p99_ms:7.1f}{waiting:8d}"
+        f"{step.sessions:8d}{step.late_p50_ms:7.1f}{step.late_p99_ms:7.1f}{step.late_most_ms:7.1f}"
+        f"{100 * step.late_share:8.2f}{step.web_cores:6.2f}{step.worker_cores:8.2f}{step.people_cores:7.2f}"
+        f"{step.others_cores:5.2f}{step.mb_per_session:7.1f}{step.lab_mb:8.0f}"
+        f"{step.commit_p50_ms:7.1f}{step.commit_p99_ms:7.1f}{waiting:8d}"
         f"{'' if not why_it_breaks(step) else '  does not hold'}"
     )
 
@@ -54,6 +56,9 @@ def told(verdict: Verdict, steps: Sequence[Step], room: Room, scene: bool) -> tu
             lines.append(f"Beyond {verdict.held}: {verdict.broke}.")
     if verdict.broke:
         lines.append(f"What gives way first: {GIVES_WAY[verdict.bottleneck]}.")
+    busy = sum(step.others_cores for step in steps) / max(1, len(steps))
+    if busy > BUSY * room.cores:
+        lines.append(f"Other programs took {busy:.1f} of the {room.cores} cores meanwhile: this machine may hold more.")
     if room.lab_cores < room.cores:
         lines.append(f"Measured with {room.lab_cores} of {room.cores} cores for the lab; the people had the others.")
     elif last := [step for step in steps if step.sessions == verdict.held][-1:]:

@@ -37,6 +37,7 @@ GOOD = Step(
     worker_cores=0.5,
     people_cores=0.3,
     busiest_people_cores=0.3,
+    others_cores=0.1,
     commit_p50_ms=6.0,
     commit_p99_ms=20.0,
     store_queue=1,
@@ -86,6 +87,8 @@ def test_a_step_holds_while_nearly_no_tick_is_late(changes: dict[str, float], sa
         ({"worker_cores": 0.5, "people_cores": 3.0, "busiest_people_cores": 0.4}, "people"),
         ({"busiest_people_cores": 0.95}, "people"),
         ({"free_mb": 120.0}, "memory"),
+        ({"others_cores": 2.9}, "others"),
+        ({"others_cores": 2.0, "worker_cores": 2.1}, "workers"),
         ({"commit_p99_ms": 800.0}, "writer"),
         ({"store_queue": 40}, "writer"),
         ({}, "unknown"),
@@ -157,5 +160,7 @@ def test_the_table_and_the_verdict_are_lines() -> None:
     assert "No step broke" in text.told(verdict([of(8)], ROOM), [of(8)], ROOM, True)[0]
     assert "holds 1 person at once" in text.told(verdict([of(1)], ROOM), [of(1)], ROOM, True)[0]
     assert text.told(verdict([of(8, late=99)], ROOM), steps, ROOM, False)[0].startswith("This machine does not hold")
+    busy = text.told(verdict([of(8)], ROOM), [of(8, others_cores=1.24)], ROOM, True)
+    assert "Other programs took 1.2 of the 4 cores meanwhile: this machine may hold more." in busy
     apart = text.told(verdict([of(8)], ROOM), [of(8)], Room(4, 3, 10_000), True)
     assert apart[-1] == "Measured with 3 of 4 cores for the lab; the people had the others."
