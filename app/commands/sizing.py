@@ -127,6 +127,8 @@ def _keep(run: Run, came_out: Verdict) -> None:
 
     if not run.asked.scene:
         announce("Not kept: people who take part look at the robot. Without --no-views it is.")
+    elif came_out.bottleneck == "others":
+        announce("Not kept: other programs took the machine, and the number is none of the lab's.")
     elif came_out.capacity:
         kept = capacity.Capacity(
             sessions=came_out.capacity,

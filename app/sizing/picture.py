@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from app.sizing.rule import LATE_MS, Room, Step, Verdict, why_it_breaks
 from study.analysis.figures import FULL_WIDTH_MM, Picture, figure_of, rendered
@@ -51,6 +52,8 @@ def draw(steps: Sequence[Step], verdict: Verdict, room: Room) -> Picture:
             _shade(axes, found, verdict)
         for axes in (memory, commits):
             axes.set_xlabel("people at once")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.set_xlim(left=0.0)
         svg, png = rendered(figure, dpi=150)
     return Picture(
         "sessions",

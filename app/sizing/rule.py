@@ -167,13 +167,18 @@ def bottleneck(step: Step, room: Room) -> Bottleneck:
         return "people"
     if step.web_cores > FULL:
         return "web"
+    takes: dict[Bottleneck, float] = {"workers": step.worker_cores, "web": step.web_cores, "others": step.others_cores}
+    if room.lab_cores == room.cores:
+        takes["people"] = step.people_cores
     everything = step.lab_cores + step.people_cores + step.others_cores
-    if everything > FULL * room.cores or step.lab_cores > FULL * room.lab_cores:
-        takes: dict[Bottleneck, float] = {"workers": step.worker_cores, "web": step.web_cores}
-        takes["others"] = step.others_cores
-        if room.lab_cores == room.cores:
-            takes["people"] = step.people_cores
-        return max(takes, key=lambda name: takes[name])
+    is_full = everything > FULL * room.cores or step.lab_cores > FULL * room.lab_cores
+    takes_most = max(takes, key=lambda name: takes[name])
+    if is_full and takes_most == "others":
+        return "others"
+    if step.commit_p50_ms > SLOW_COMMIT_MS:  # nothing moves then, however much else there is to do
+        return "writer"
+    if is_full:
+        return takes_most
     if step.commit_p99_ms > SLOW_COMMIT_MS or step.store_queue > step.sessions:
         return "writer"
     return "unknown"

@@ -56,9 +56,9 @@ def told(verdict: Verdict, steps: Sequence[Step], room: Room, scene: bool) -> tu
             lines.append(f"Beyond {verdict.held}: {verdict.broke}.")
     if verdict.broke:
         lines.append(f"What gives way first: {GIVES_WAY[verdict.bottleneck]}.")
-    busy = sum(step.others_cores for step in steps) / max(1, len(steps))
+    busy = steps[-1].others_cores if steps else 0.0
     if busy > BUSY * room.cores:
-        lines.append(f"Other programs took {busy:.1f} of the {room.cores} cores meanwhile: this machine may hold more.")
+        lines.append(f"In the last step other programs took {busy:.1f} of {room.cores} cores: it may hold more.")
     if room.lab_cores < room.cores:
         lines.append(f"Measured with {room.lab_cores} of {room.cores} cores for the lab; the people had the others.")
     elif last := [step for step in steps if step.sessions == verdict.held][-1:]:

@@ -90,6 +90,9 @@ def test_a_step_holds_while_nearly_no_tick_is_late(changes: dict[str, float], sa
         ({"others_cores": 2.9}, "others"),
         ({"others_cores": 2.0, "worker_cores": 2.1}, "workers"),
         ({"commit_p99_ms": 800.0}, "writer"),
+        ({"commit_p99_ms": 800.0, "worker_cores": 3.5}, "workers"),
+        ({"commit_p50_ms": 690.0, "worker_cores": 3.5}, "writer"),
+        ({"commit_p50_ms": 690.0, "worker_cores": 0.7, "others_cores": 3.0}, "others"),
         ({"store_queue": 40}, "writer"),
         ({}, "unknown"),
     ],
@@ -161,6 +164,6 @@ def test_the_table_and_the_verdict_are_lines() -> None:
     assert "holds 1 person at once" in text.told(verdict([of(1)], ROOM), [of(1)], ROOM, True)[0]
     assert text.told(verdict([of(8, late=99)], ROOM), steps, ROOM, False)[0].startswith("This machine does not hold")
     busy = text.told(verdict([of(8)], ROOM), [of(8, others_cores=1.24)], ROOM, True)
-    assert "Other programs took 1.2 of the 4 cores meanwhile: this machine may hold more." in busy
+    assert "In the last step other programs took 1.2 of 4 cores: it may hold more." in busy
     apart = text.told(verdict([of(8)], ROOM), [of(8)], Room(4, 3, 10_000), True)
     assert apart[-1] == "Measured with 3 of 4 cores for the lab; the people had the others."
