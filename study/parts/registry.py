@@ -73,13 +73,12 @@ class Registry:
         for point in sorted(_entry_points(self.group), key=lambda point: point.name):
             taken = self.shipped.get(point.name) or (point.name in found and found[point.name].place)
             if taken:
-                source = point.dist.name if point.dist else point.value
+                source = _package_of(point)[0] or point.value
                 raise PartError(
                     f"{source} registers {self.noun} {point.name!r}, which is {taken} already; "
                     "rename it there, or uninstall one of the two"
                 )
-            package, version = (point.dist.name or "", point.dist.version or "") if point.dist else ("", "")
-            found[point.name] = Registered(_place(point), package, version)
+            found[point.name] = Registered(_place(point), *_package_of(point))
         return found
 
     @cached_property
@@ -185,3 +184,11 @@ def _place(point: EntryPoint) -> str:
         return f"{point.module}:{point.attr}" if point.attr else point.value
     except AttributeError:
         return point.value
+
+
+def _package_of(point: EntryPoint) -> tuple[str, str]:
+    """Name and version of the package that registers it, "" for what its metadata do not say."""
+    if point.dist is None:
+        return "", ""
+    told = point.dist.metadata
+    return (told["Name"] if "Name" in told else ""), (told["Version"] if "Version" in told else "")

