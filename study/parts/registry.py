@@ -190,5 +190,5 @@ def _package_of(point: EntryPoint) -> tuple[str, str]:
     """Name and version of the package that registers it, "" for what its metadata do not say."""
     if point.dist is None:
         return "", ""
-    told = point.dist.metadata
-    return (told["Name"] if "Name" in told else ""), (told["Version"] if "Version" in told else "")
+    told = point.dist.metadata.json  # of what is not there it says nothing, where looking it up warns
+    return str(told.get("name", "")), str(told.get("version", ""))
