@@ -63,7 +63,5 @@ def told(verdict: Verdict, steps: Sequence[Step], room: Room, scene: bool) -> tu
         lines.append(f"Measured with {room.lab_cores} of {room.cores} cores for the lab; the people had the others.")
     elif last := [step for step in steps if step.sessions == verdict.held][-1:]:
         share = 100 * last[0].people_cores / room.cores
-        lines.append(
-            f"Meanwhile {share:.0f} % of the processor time went to the scripted people, whom the lab will not have."
-        )
+        lines.append(f"Meanwhile {share:.0f} % of the processor time went to the scripted people.")
     return tuple(lines)
