@@ -25,7 +25,7 @@ const WORDS = {
     "hourglass",
     [
       t(
-        "As many people are taking part right now as this study can serve well. Please wait a little, or come back later with the same link: no place is lost by waiting.",
+        "As many people are taking part right now as this study can serve well. Please wait a little, or come back later with the same link.",
       ),
       t(
         "You can leave this page open. It asks again by itself, and shows the button to begin as soon as there is room.",

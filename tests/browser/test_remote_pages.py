@@ -162,7 +162,7 @@ def test_who_comes_when_there_is_no_room_waits_on_a_page_that_asks_again(
         assert shown is not None and shown.status == 503
         visible(page, "page-join-busy")
         assert page.get_by_test_id("join-begin").count() == 0
-        assert "no place is lost by waiting" in page.get_by_test_id("page-join-busy").inner_text()
+        assert "come back later with the same link" in page.get_by_test_id("page-join-busy").inner_text()
         dashboard = context.new_page()
         dashboard.goto(lab.experimenter_link)
         notice = dashboard.get_by_test_id("lab-crowding")

@@ -93,6 +93,15 @@ def test_no_port_at_all(port: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert repr(port) in said and "--port" in said and "ports are 0 to 65535" in said
 
 
+@pytest.mark.parametrize("number", ["-1", "100001"])
+def test_no_number_of_people_at_all(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = fails(capsys, "serve", f"--capacity={number}", "--port", "0", "--data", str(tmp_path / "data"), *QUICK)
+    assert said == f"--capacity {number}: must be from 0 (no bound) to 100000\n"
+    assert main(["serve", "--capacity=many"]) == 2
+    assert "'many' is not a whole number" in capsys.readouterr().err
+    assert not (tmp_path / "data").exists()
+
+
 def test_a_data_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("in the way")
     for folder in (tmp_path / "file", tmp_path / "file" / "data", Path("/proc/salab")):
