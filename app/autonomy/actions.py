@@ -66,11 +66,14 @@ def nearest_action(momentum: npt.ArrayLike) -> int | None:
     Raises:
         AutonomyError: not three finite numbers of length <= 1.
     """
-    x, y, z = checked_momentum(momentum).tolist()
+    if isinstance(momentum, tuple) and len(momentum) == 3 and type(momentum[0]) is float:  # as every tick has it
+        x, y, z = momentum
+    else:
+        x, y, z = checked_momentum(momentum).tolist()
     return _nearest_action(x, y, z)
 
 
 @lru_cache(maxsize=4096)
 def _nearest_action(x: float, y: float, z: float) -> int | None:
-    index = int(nearest_moves(np.array((x, y, z))))
+    index = int(nearest_moves(checked_momentum((x, y, z))))
     return None if index < 0 else index
