@@ -49,12 +49,13 @@ def rewards_of_moves_m(from_m: FloatArray, to_m: FloatArray, goals_m: FloatArray
 
 
 def moves_rewards_m(position_m: Sequence[float], here_and_next_m: FloatArray, goals_m: FloatArray) -> FloatArray:
-    """``rewards_of_moves_m`` of one place and its 27 moves, bit for bit, in fewer steps: ``here_and_next_m`` (28, 3) is
-    no move and then each action's, -> (27, G), metres."""
-    places_m = here_and_next_m + np.array(position_m)
+    """``rewards_of_moves_m`` of one place and its 27 moves, bit for bit, in fewer steps: ``here_and_next_m`` (3, 28, 1)
+    is no move and then each action's, an axis at a time, -> (27, G), metres."""
+    places_m = here_and_next_m + np.array(position_m)[:, None, None]
     if goals_m.shape[0] > _FEW_GOALS:
+        places_m = places_m[..., 0].T
         return rewards_of_moves_m(places_m[0], places_m[1:], goals_m)
-    squares = places_m.T[:, :, None] - goals_m.T[:, None]  # (3, 28, G): an axis at a time
+    squares = places_m - goals_m.T[:, None]  # (3, 28, G)
     squares *= squares
     distances, y, z = squares
     distances += y

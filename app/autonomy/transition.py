@@ -62,15 +62,16 @@ class TransitionModel:
         """
         if isinstance(momentum, tuple) and len(momentum) == 3 and type(momentum[0]) is float:  # as every tick has it
             x, y, z = momentum
-            return self.here_and_next((x, y, z))[1:]
+            return _here_and_next(self, (x, y, z))[1]
         momenta = checked_momenta(momentum)
         if momenta.shape == (3,):
             return _displacements_of_one(self, momenta.tobytes())
         return self._displacements(momenta)
 
     def here_and_next(self, momentum: tuple[float, float, float]) -> FloatArray:
-        """Staying where one is, and then the ``displacements`` of one momentum: (28, 3), metres, read-only."""
-        return _here_and_next(self, momentum)
+        """Staying where one is, and then the ``displacements`` of one momentum, an axis at a time: (3, 28, 1), metres,
+        read-only."""
+        return _here_and_next(self, momentum)[0]
 
     def displacements_ahead(self) -> FloatArray:
         """p'' - p' in metres of each of the person's 27 actions after each of the arm's 27, read-only:
@@ -98,9 +99,11 @@ class TransitionModel:
 
 
 @lru_cache(maxsize=4096)
-def _here_and_next(model: TransitionModel, momentum: tuple[float, float, float]) -> FloatArray:
+def _here_and_next(model: TransitionModel, momentum: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
+    """As `here_and_next`, and the displacements alone, (27, 3)."""
     next_m = model.displacements(np.array(checked_momentum(momentum)))
-    return frozen(np.concatenate((np.zeros((1, 3)), next_m)))
+    both_m = np.concatenate((np.zeros((1, 3)), next_m))
+    return frozen(np.ascontiguousarray(both_m.T)[..., None]), next_m
 
 
 @lru_cache(maxsize=4096)

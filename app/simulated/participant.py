@@ -296,7 +296,8 @@ class _Sitting:
         self.distractor = (
             of_practice(setup.distractor, setup.study) if self.kind == "practice" else DistractorState(setup.distractor)
         )
-        self.errands: dict[int, _Errand] = {}
+        self.errands: dict[int, dict[int, _Errand]] = {}
+        """By the tick in which something is to be done about them, and by their alerts."""
 
     def run(self) -> None:
         """Every tick, until it is over or the participant gives up."""
@@ -331,7 +332,7 @@ class _Sitting:
         self.view = result.view
         run.tick, run.now_s = tick, run.now_s + TICK_S
         self.ticks.append(row)
-        if self.kind == "trial":
+        if self.kind == "trial" and result.tasks:
             ended = {task.task for task in result.tasks}  # of a task that is done again, the last row counts
             self.tasks = [*(task for task in self.tasks if task.task not in ended), *result.tasks]
         for item in result.events:
@@ -345,13 +346,18 @@ class _Sitting:
         """New alerts, and what this person will do about them."""
         run, seed, trial = self.run_, self.plan.seed, self._stimuli
         kind = self.distractor.distractor
+        if tick * TICK_S < self.distractor.next_change_s:
+            return
         self.distractor, changed = self.distractor.advance(
             tick * TICK_S, lambda number: kind.stimulus(seed, trial, number)
         )
         for alert in changed:
             if alert.status == "open":
                 self.distractor = self.distractor.shown(alert.alert, run.utc).heard(alert.alert, run.utc)
-                self.errands[alert.alert] = self._plan_errand(alert.alert, tick)
+                errand = self._plan_errand(alert.alert, tick)
+                for due in (errand.leave, errand.answer):
+                    if due is not None:
+                        self.errands.setdefault(due, {})[alert.alert] = errand
 
     @property
     def _stimuli(self) -> int:
@@ -375,7 +381,7 @@ class _Sitting:
     def _attend(self, tick: int) -> None:
         """Hands off, or an answer given, when its tick has come."""
         run = self.run_
-        for number, errand in self.errands.items():
+        for number, errand in self.errands.pop(tick, {}).items():
             if errand.leave == tick:
                 self.driver.leave(errand.away)
             if errand.answer == tick:

@@ -36,7 +36,7 @@ from study.definition.study import Study, orders
 from study.export.export import check_place, write_tables
 from study.flow.flow import FLOW, Flow
 from study.integrity.chain import chained
-from study.records import SCHEMA_VERSION, TABLES
+from study.records import SCHEMA_VERSION, TABLES, columns, row_of
 from study.store import machine_fingerprint
 
 MAX_PARTICIPANTS = 9999
@@ -220,9 +220,10 @@ class _Parts:
     def rows(self, table: str, participants: int) -> Iterable[Any]:
         """The rows of a table, participant by participant."""
         row_type = TABLES[table]
+        names = [info.name for info in columns(table)]
         for index in range(participants):
             for values in json.loads(gzip.decompress((self._place(index) / table).read_bytes())):
-                yield row_type(*values)
+                yield row_of(row_type, dict(zip(names, values, strict=True)))
 
     def remove(self) -> None:
         """Everything is exported."""

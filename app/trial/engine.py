@@ -124,6 +124,7 @@ class TrialEngine:
         self._delivered: dict[str, Pose] = dict(self._began.delivered)
         self._momentum: Vector3 = STILL
         self._goals = Goals.at(())
+        self._looked_at: tuple[object, ...] = ()
         self._belief: Belief | None = None
         self._rows = TickRows(setup)
         self._fingers = Fingers(setup.timing.gripper_ticks)
@@ -134,6 +135,7 @@ class TrialEngine:
         self._pending: _Tick | None = None
         self._world: WorldState | None = None
         self._is_open = False
+        self._shown: tuple[tuple[object, ...], TrialView] | None = None
 
     # ---- what callers may look at -------------------------------------------------------------------------------
 
@@ -195,21 +197,24 @@ class TrialEngine:
             phase = "settling"
         elif self._fingers.busy_ticks:
             phase = "gripper"
-        return TrialView(
-            phase=phase,
-            kind=progress.kind,
-            object=progress.cycle_setup.object,
-            bin=progress.cycle_setup.bin,
-            done_tasks=progress.task - 1 if not self.finished else progress.tasks,
-            tasks=progress.tasks,
-            gripper=world.gripper,
-            holding=world.held is not None,
-            blocked=blocked,
-            source=source,
-            ended=ended,
-            hint=hint,
-            ending=None if self.finished else near_limit(self.setup.limits, self._trial_ticks, self._task_ticks),
+        shown = (
+            phase,
+            progress.kind,
+            progress.cycle_setup.object,
+            progress.cycle_setup.bin,
+            progress.task - 1 if not self.finished else progress.tasks,
+            progress.tasks,
+            world.gripper,
+            world.held is not None,
+            blocked,
+            source,
+            ended,
+            hint,
+            None if self.finished else near_limit(self.setup.limits, self._trial_ticks, self._task_ticks),
         )
+        if self._shown is None or self._shown[0] != shown:  # most ticks leave it as it was
+            self._shown = shown, TrialView(*shown)
+        return self._shown[1]
 
     def explain(self) -> Explanation:
         """What spoke for the arm's last action, as the arbiter says it."""
@@ -303,7 +308,11 @@ class TrialEngine:
 
     def _look(self) -> None:
         """Where the candidate goals are now."""
-        places_m = candidates(self.world, self.scene)
+        world = self.world
+        if self._looked_at == (world.objects, world.held, self.scene):
+            return
+        self._looked_at = world.objects, world.held, self.scene
+        places_m = candidates(world, self.scene)
         if places_m != self._goals.places_m:
             self._goals = Goals.at(places_m)
 
@@ -435,7 +444,7 @@ class TrialEngine:
     @property
     def _task_ticks(self) -> int:
         """How many ticks the current task has had, all attempts together."""
-        return self._progress.spans(self._tick)[self._progress.kind].ticks
+        return self._progress.ticks(self._tick)
 
     def _is_over(self, limit_ticks: int, ticks: int) -> bool:
         """Whether a limit is reached. What is falling already may come to rest first."""

@@ -61,6 +61,11 @@ class TaskProgress:
             return self._spans
         return {**self._spans, self.kind: self._spans[self.kind].and_then(self._first_tick, next_tick - 1)}
 
+    def ticks(self, next_tick: int) -> int:
+        """How many ticks the current task has had before `next_tick`, all attempts together."""
+        before = self._spans[self.kind].ticks
+        return before if self._first_tick is None else before + next_tick - self._first_tick
+
     def begin_task(self, tick: int, goals: int) -> None:
         """Note the first tick of the task and how many goals it began with; later calls change nothing."""
         if self._first_tick is None:

@@ -13,6 +13,8 @@ NEAR_TICKS = 120
 
 def near_limit(limits: TimeLimits, trial_ticks: int, task_ticks: int) -> Limited | None:
     """Whose limit is near after so many ticks of the trial and of the task; the nearer one of two, None of none."""
+    if not (0 < limits.trial_ticks <= trial_ticks + NEAR_TICKS or 0 < limits.task_ticks <= task_ticks + NEAR_TICKS):
+        return None
     spent: tuple[tuple[Limited, int, int], ...] = (
         ("trial", limits.trial_ticks, trial_ticks),
         ("task", limits.task_ticks, task_ticks),

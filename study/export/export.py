@@ -21,7 +21,7 @@ import os
 import reprlib
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
 from itertools import islice
 from operator import attrgetter
@@ -462,10 +462,16 @@ _NOT_WRITTEN = (ValueError, TypeError, OverflowError)
 def _cells(batch: list[Any], fields: Callable[[Any], tuple[Any, ...]], casts: list[Any]) -> list[list[Any]]:
     """The rows column by column, each value through the column's own type, so that a numpy number or a bool is written
     as the number it is."""
-    return [
-        [None if value is None else cast(value) for value in column]
-        for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)
-    ]
+    return [_cast(column, cast) for cast, column in zip(casts, zip(*map(fields, batch), strict=True), strict=True)]
+
+
+def _cast(column: Sequence[Any], cast: Any) -> list[Any]:
+    kinds = set(map(type, column)) - {type(None)}
+    if kinds <= {str if cast is _text else cast} and not (
+        cast is _text and any("\r" in text for text in column if text)
+    ):
+        return list(column)  # each is what the cast would make of it
+    return [None if value is None else cast(value) for value in column]
 
 
 def _writable(
