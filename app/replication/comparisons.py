@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,7 @@ from app.replication.paper import CLAIMS, CONDITIONS_IN_ORDER, DIFFERENCES, REPO
 from app.replication.studies import SURVEYS, Values
 from study.analysis.analysis import Covariates, compare
 from study.analysis.effect_sizes import NotFitted
-from study.analysis.linear_model import Anova, slope
+from study.analysis.linear_model import Anova, Slope, slope
 
 ALPHA = 0.05
 SIGN_AIM, SIGNIFICANT_AIM = 0.95, 0.80
@@ -217,15 +218,19 @@ def _share(claim: Claim, found: Sequence[Contrast], studies: int) -> Share:
 
 def means(studies: Sequence[Values]) -> tuple[Means, ...]:
     """The paper's means beside ours."""
+    of: dict[tuple[str, str, str], tuple[list[float], list[float]]] = {}
+    for study in studies:
+        for item in REPORTED:
+            for condition in CONDITIONS_IN_ORDER:
+                observed = study.observations[item.measure, item.kind]
+                found = [one.value for one in observed if one.condition == condition]
+                own_means, sds = of.setdefault((item.measure, item.kind, condition), ([], []))
+                own_means += [float(np.mean(found))] if found else []
+                sds += [float(np.std(found, ddof=1))] if len(found) > 1 else []
     rows = []
     for item in REPORTED:
         for condition in CONDITIONS_IN_ORDER:
-            per_study = [
-                [one.value for one in study.observations[item.measure, item.kind] if one.condition == condition]
-                for study in studies
-            ]
-            of = [float(np.mean(found)) for found in per_study if found]
-            sds = [float(np.std(found, ddof=1)) for found in per_study if len(found) > 1]
+            own_means, sds = of.get((item.measure, item.kind, condition), ([], []))
             rows.append(
                 Means(
                     measure=item.measure,
@@ -233,8 +238,8 @@ def means(studies: Sequence[Values]) -> tuple[Means, ...]:
                     condition=condition,
                     paper_mean=item.means[condition],
                     paper_sd=item.sds[condition],
-                    mean=float(np.mean(of)) if of else float("nan"),
-                    interval=middle(of),
+                    mean=float(np.mean(own_means)) if own_means else float("nan"),
+                    interval=middle(own_means),
                     sd=float(np.mean(sds)) if sds else float("nan"),
                 )
             )
@@ -243,27 +248,25 @@ def means(studies: Sequence[Values]) -> tuple[Means, ...]:
 
 def goal_gains(studies: Sequence[Values]) -> tuple[GoalGain, ...]:
     """The paper's Fig. 4: all tasks, dropoffs having two goals."""
-    rows = []
-    for condition in CONDITIONS_IN_ORDER:
-        of = [
-            [one for one in study.observations["belief_gain", "all"] if one.condition == condition] for study in studies
-        ]
-        counts = sorted({one.goals for found in of for one in found})
-        lines = [slope([one.goals for one in found], [one.value for one in found]) for found in of]
-        known = [line for line in lines if not isinstance(line, NotFitted)]
-        rows.append(
-            GoalGain(
-                condition=condition,
-                by_goals={
-                    count: float(np.mean([one.value for found in of for one in found if one.goals == count]))
-                    for count in counts
-                },
-                rising=_part([line.per_unit.value > 0.0 for line in known]),
-                rising_significant=_part([line.per_unit.value > 0.0 and line.p < ALPHA for line in known]),
-                falling_significant=_part([line.per_unit.value < 0.0 and line.p < ALPHA for line in known]),
-            )
+    lines: dict[str, list[Slope]] = {condition: [] for condition in CONDITIONS_IN_ORDER}
+    values: dict[str, dict[int, array[float]]] = {condition: {} for condition in CONDITIONS_IN_ORDER}
+    for study in studies:
+        for condition in CONDITIONS_IN_ORDER:
+            found = [one for one in study.observations["belief_gain", "all"] if one.condition == condition]
+            line = slope([one.goals for one in found], [one.value for one in found])
+            lines[condition] += [] if isinstance(line, NotFitted) else [line]
+            for one in found:
+                values[condition].setdefault(one.goals, array("d")).append(one.value)
+    return tuple(
+        GoalGain(
+            condition=condition,
+            by_goals={count: float(np.mean(of)) for count, of in sorted(values[condition].items())},
+            rising=_part([line.per_unit.value > 0.0 for line in known]),
+            rising_significant=_part([line.per_unit.value > 0.0 and line.p < ALPHA for line in known]),
+            falling_significant=_part([line.per_unit.value < 0.0 and line.p < ALPHA for line in known]),
         )
-    return tuple(rows)
+        for condition, known in lines.items()
+    )
 
 
 def _part(holds: Sequence[bool]) -> float:

@@ -6,8 +6,9 @@ reached one are simulated once more without (`lengths_of_person`); all other tas
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -97,30 +98,39 @@ def without_limits(case: Case) -> Case:
     return replace(case, setup=replace(case.setup, study=study))
 
 
-def summed_up(tasks: Sequence[TaskLength]) -> tuple[Lengths, ...]:
+def summed_up(tasks: Iterable[TaskLength]) -> tuple[Lengths, ...]:
     """By condition and kind, in the paper's order; what never occurred is left out."""
-    rows = []
-    for kind in KINDS:
-        for condition in CONDITIONS_IN_ORDER:
-            of = [task for task in tasks if (task.condition, task.kind) == (condition, kind)]
-            if of:
-                rows.append(_lengths(condition, kind, of))
-    return tuple(rows)
+    found = {(kind, condition): _Counted() for kind in KINDS for condition in CONDITIONS_IN_ORDER}
+    for task in tasks:
+        of = found.get((task.kind, task.condition))
+        if of is not None:
+            of.ticks.append(task.control_ticks)
+            of.blocked += task.blocked_ticks
+            of.folded += task.folded_ticks
+    return tuple(_lengths(condition, kind, of) for (kind, condition), of in found.items() if of.ticks)
 
 
-def _lengths(condition: str, kind: str, of: Sequence[TaskLength]) -> Lengths:
-    ticks = [task.control_ticks for task in of]
-    far = usual_end(condition, kind)
+@dataclass
+class _Counted:
+    """All tasks of one kind under one condition: how long each was, and the rest together."""
+
+    ticks: array[int] = field(default_factory=lambda: array("q"))
+    blocked: int = 0
+    folded: int = 0
+
+
+def _lengths(condition: str, kind: str, of: _Counted) -> Lengths:
+    far, total = usual_end(condition, kind), sum(of.ticks)
     return Lengths(
         condition=condition,
         kind=kind,
-        tasks=len(of),
-        long=sum(one > LONG_TICKS for one in ticks) / len(of),
-        quantile_99=float(np.quantile(ticks, 0.99)),
-        longest=max(ticks),
-        beyond_paper=sum(one > far for one in ticks) / len(of),
-        blocked=sum(task.blocked_ticks for task in of) / sum(ticks),
-        folded=sum(task.folded_ticks for task in of) / sum(ticks),
+        tasks=len(of.ticks),
+        long=sum(one > LONG_TICKS for one in of.ticks) / len(of.ticks),
+        quantile_99=float(np.quantile(of.ticks, 0.99)),
+        longest=max(of.ticks),
+        beyond_paper=sum(one > far for one in of.ticks) / len(of.ticks),
+        blocked=of.blocked / total,
+        folded=of.folded / total,
     )
 
 

@@ -18,7 +18,7 @@ from app.replication.ceiling import ceiling
 from app.replication.comparisons import SIGN_AIM, Compared, Share, compared, shares
 from app.replication.formats import CONDITION_NAMES, name_of, number, percent
 from app.replication.paper import CONDITIONS_IN_ORDER, Claim, reported
-from app.replication.studies import SURVEYS, Key, Values
+from app.replication.studies import SURVEYS, Key, Studies, Values, unpacked
 from app.simulated.study import run_jobs
 from study.analysis.analysis import Covariates
 from study.analysis.observations import Observation
@@ -70,8 +70,8 @@ def experiments(studies: Sequence[Values], base: Sequence[Share], workers: int) 
     ) -> Experiment:
         return Experiment(name, reason, len(of), tuple(before), tested(of, claims, covariates, workers), False)
 
-    def changed(change: Callable[[Observation, Key], Observation]) -> list[Values]:
-        return [_changed(values, change) for values in studies]
+    def changed(change: Callable[[Observation, Key], Observation]) -> Studies:
+        return Studies.of(_changed(values, change) for values in studies)
 
     scaled, moved = partial(_scaled, ours), partial(_moved, ours)
     found = [
@@ -82,7 +82,7 @@ def experiments(studies: Sequence[Values], base: Sequence[Share], workers: int) 
         tried("fixed covariates", "model of covariates", studies, base, "fixed"),
     ]
     if len(studies) > 1:
-        pairs = [_together(studies[at], studies[at + 1]) for at in range(0, len(studies) - 1, 2)]
+        pairs = Studies.of(_together(studies[at], studies[at + 1]) for at in range(0, len(studies) - 1, 2))
         found.append(tried("twice the people", "sample size", pairs, base))
     return tuple(found)
 
@@ -91,14 +91,15 @@ def tested(
     studies: Sequence[Values], claims: Sequence[Claim], covariates: Covariates, workers: int
 ) -> tuple[Share, ...]:
     """These comparisons in all these studies."""
-    jobs = list(enumerate(studies))
+    held = studies if isinstance(studies, Studies) else Studies.of(studies)
+    jobs = list(enumerate(held.packed))
     work = partial(_tested, tuple(claims), covariates)
     found = {job[0]: result for job, result in run_jobs(work, jobs, min(workers, 1 + len(studies) // 50))}
     return shares([found[place] for place in sorted(found)], claims)
 
 
-def _tested(claims: tuple[Claim, ...], covariates: Covariates, job: tuple[int, Values]) -> Compared:
-    return compared(job[1], claims, covariates=covariates)
+def _tested(claims: tuple[Claim, ...], covariates: Covariates, job: tuple[int, bytes]) -> Compared:
+    return compared(unpacked(job[1]), claims, covariates=covariates)
 
 
 # ---- what is changed ------------------------------------------------------------------------------------------------
@@ -106,15 +107,19 @@ def _tested(claims: tuple[Claim, ...], covariates: Covariates, job: tuple[int, V
 
 def spread_of(studies: Sequence[Values]) -> Spread:
     """Mean over all studies together, and the mean over them of the SD within one."""
-    found: dict[tuple[Key, str], tuple[float, float]] = {}
-    for key in dict.fromkeys(key for study in studies for key in study.observations):
-        for condition in CONDITIONS_IN_ORDER:
-            per_study = [[o.value for o in s.observations[key] if o.condition == condition] for s in studies]
-            means = [float(np.mean(of)) for of in per_study if of]
-            sds = [float(np.std(of, ddof=1)) for of in per_study if len(of) > 1]
-            if means and sds:
-                found[key, condition] = float(np.mean(means)), float(np.mean(sds))
-    return found
+    per_study: dict[tuple[Key, str], tuple[list[float], list[float]]] = {}
+    for study in studies:
+        for key, observed in study.observations.items():
+            for condition in CONDITIONS_IN_ORDER:
+                of = [one.value for one in observed if one.condition == condition]
+                means, sds = per_study.setdefault((key, condition), ([], []))
+                means += [float(np.mean(of))] if of else []
+                sds += [float(np.std(of, ddof=1))] if len(of) > 1 else []
+    return {
+        place: (float(np.mean(means)), float(np.mean(sds)))
+        for place, (means, sds) in per_study.items()
+        if means and sds
+    }
 
 
 def _changed(values: Values, change: Callable[[Observation, Key], Observation]) -> Values:

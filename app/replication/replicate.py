@@ -29,7 +29,7 @@ from app.replication.long_tasks import Lengths, summed_up
 from app.replication.paper import CONDITIONS_IN_ORDER
 from app.replication.reasons import Experiment
 from app.replication.reasons import experiments as reanalysed
-from app.replication.studies import MAX_STUDIES, Batch, Values, run_batches, run_studies
+from app.replication.studies import MAX_STUDIES, Batch, Studies, Values, run_batches, run_studies, unpacked
 from app.simulated.study import MAX_WORKERS, Plan, check_count, run_jobs, setup_of
 from app.simulated.traits import OFF, TRAITS, Population
 from app.simulated.variants import Changes, changed_study
@@ -163,7 +163,7 @@ class Replication:
     plan: Plan
     preset: str
     participants: int
-    studies: tuple[Values, ...]
+    studies: Sequence[Values]
     shares: tuple[Share, ...]
     means: tuple[Means, ...]
     goals: tuple[GoalGain, ...]
@@ -205,12 +205,12 @@ def replicate(
         plan=plan,
         preset=preset,
         participants=participants,
-        studies=tuple(values),
+        studies=values,
         shares=shares(base),
         means=means(values),
         goals=goal_gains(values),
         joint=joint(base),
-        lengths=summed_up([task for study in values for task in study.lengths]),
+        lengths=summed_up(task for study in values for task in study.lengths),
         varied=rows,
         experiments=(*experiments, *(as_experiment(item) for item in rows if item.variation.reason)),
         vary=vary,
@@ -232,7 +232,7 @@ def vary_each(
     places = [out_dir / "varied" / _slug(one.name) if out_dir else None for one, _ in todo]
     batches = [Batch(varied(plan, one), count, place) for (one, count), place in zip(todo, places, strict=True)]
     found = run_batches(batches, participants, workers, f"studies of {len(todo)} variations")
-    tested = compare_all([values for of in found for values in of], workers)
+    tested = compare_all(Studies(study for of in found for study in of.packed), workers)
     rows, start = [], 0
     for variation, count in todo:
         rows.append(Varied(variation, count, shares(base[:count]), shares(tested[start : start + count])))
@@ -253,13 +253,14 @@ def as_experiment(item: Varied) -> Experiment:
 
 def compare_all(values: Sequence[Values], workers: int) -> list[Compared]:
     """Every study's comparisons."""
-    jobs = list(enumerate(values))
+    studies = values if isinstance(values, Studies) else Studies.of(values)
+    jobs = list(enumerate(studies.packed))
     found = {job[0]: result for job, result in run_jobs(_compared, jobs, min(workers, 1 + len(values) // 50))}
     return [found[number] for number in sorted(found)]
 
 
-def _compared(job: tuple[int, Values]) -> Compared:
-    return compared(job[1])
+def _compared(job: tuple[int, bytes]) -> Compared:
+    return compared(unpacked(job[1]))
 
 
 def check_conditions(plan: Plan) -> None:

@@ -8,6 +8,7 @@ beginning at an order of its own, so that a number that is no multiple of six le
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import os
 import zlib
@@ -15,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from app.errors import LabError
 from app.replication.long_tasks import TaskLength, lengths_of_person
@@ -113,6 +114,61 @@ def run_study(plan: Plan, participants: int, study: int) -> Values:
     return first.joined(others)
 
 
+def packed(values: Values) -> bytes:
+    """A study as it is kept, a tenth of what it takes as values: compressed JSON."""
+    data = {
+        "observations": {"/".join(key): [astuple(one) for one in of] for key, of in values.observations.items()},
+        "counts": values.counts,
+        "lengths": [astuple(one) for one in values.lengths],
+    }
+    return gzip.compress(json.dumps(data).encode(), compresslevel=3, mtime=0)
+
+
+def unpacked(study: bytes) -> Values:
+    """The study that was `packed`. Raises `ValueError` and others for what is none."""
+    with gzip.open(io.BytesIO(study)) as file:
+        text = file.read(MOST_STUDY_BYTES + 1)  # no more, whatever it unpacks to
+    if len(text) > MOST_STUDY_BYTES:
+        raise ValueError(f"unpacks to more than {MOST_STUDY_BYTES / 1e6:g} MB")
+    data = parse_json(text)
+    return Values(
+        {
+            (name, kind): tuple(Observation(*values) for values in of)
+            for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
+        },
+        dict(data["counts"]),
+        tuple(TaskLength(*values) for values in data["lengths"]),
+    )
+
+
+class Studies(Sequence[Values]):
+    """Many studies, each packed until it is looked at: so many trials more make so little more to hold. Whoever looks
+    at all of them does so once, study by study."""
+
+    def __init__(self, studies: Iterable[bytes]) -> None:
+        self._packed = tuple(studies)
+
+    @classmethod
+    def of(cls, studies: Iterable[Values]) -> Studies:
+        """Those studies, one packed after the other."""
+        return cls(packed(study) for study in studies)
+
+    @property
+    def packed(self) -> tuple[bytes, ...]:
+        """As they are held."""
+        return self._packed
+
+    def __len__(self) -> int:
+        return len(self._packed)
+
+    @overload
+    def __getitem__(self, place: int) -> Values: ...
+    @overload
+    def __getitem__(self, place: slice) -> Studies: ...
+    def __getitem__(self, place: int | slice) -> Values | Studies:
+        return Studies(self._packed[place]) if isinstance(place, slice) else unpacked(self._packed[place])
+
+
 @dataclass(frozen=True)
 class Archive:
     """Finished studies on disk, one file each, or whatever else `what` says. With no folder nothing is kept."""
@@ -144,35 +200,18 @@ class Archive:
         if self.folder is None or not self._place(study).is_file():
             return None
         try:
-            with opened(self._place(study), MOST_STUDY_BYTES) as packed, gzip.open(packed) as file:
-                text = file.read(MOST_STUDY_BYTES + 1)  # no more, whatever it unpacks to
-            if len(text) > MOST_STUDY_BYTES:
-                raise ValueError(f"unpacks to more than {MOST_STUDY_BYTES / 1e6:g} MB")
-            data = parse_json(text)
-            return Values(
-                {
-                    (name, kind): tuple(Observation(*values) for values in of)
-                    for (name, kind), of in ((key.split("/"), of) for key, of in data["observations"].items())
-                },
-                dict(data["counts"]),
-                tuple(TaskLength(*values) for values in data["lengths"]),
-            )
+            with opened(self._place(study), MOST_STUDY_BYTES) as file:
+                return unpacked(file.read(MOST_STUDY_BYTES + 1))
         except (OSError, EOFError, zlib.error, ValueError, TypeError, KeyError, AttributeError) as error:
             why = getattr(error, "reason", None) or f"{type(error).__name__}: {error}"
             raise LabError(f"{self._place(study)}: is no finished {self.what}: {why}; remove it") from None
 
-    def save(self, study: int, values: Values) -> None:
-        """Put a study away, all or nothing."""
+    def save(self, study: int, values: Values | bytes) -> None:
+        """Put a study away, packed already or not, all or nothing."""
         if self.folder is None:
             return
-        data = {
-            "observations": {"/".join(key): [astuple(one) for one in of] for key, of in values.observations.items()},
-            "counts": values.counts,
-            "lengths": [astuple(one) for one in values.lengths],
-        }
         unfinished = self._place(study).with_suffix(f".{os.getpid()}")
-        with gzip.open(unfinished, "wt", encoding="utf-8", compresslevel=3) as file:
-            json.dump(data, file)
+        unfinished.write_bytes(values if isinstance(values, bytes) else packed(values))
         os.replace(unfinished, self._place(study))
 
     def _place(self, study: int) -> Path:
@@ -189,12 +228,12 @@ class Batch:
     folder: Path | None
 
 
-def run_studies(plan: Plan, studies: int, participants: int, workers: int, folder: Path | None) -> list[Values]:
+def run_studies(plan: Plan, studies: int, participants: int, workers: int, folder: Path | None) -> Studies:
     """The values of every study, in order; those on disk are not run again."""
     return run_batches([Batch(plan, studies, folder)], participants, workers, "studies")[0]
 
 
-def run_batches(batches: Sequence[Batch], participants: int, workers: int, what: str) -> list[list[Values]]:
+def run_batches(batches: Sequence[Batch], participants: int, workers: int, what: str) -> list[Studies]:
     """The values of every study of every batch: one set of processes for all of them, since starting it takes
     seconds."""
     archives = []
@@ -204,22 +243,22 @@ def run_batches(batches: Sequence[Batch], participants: int, workers: int, what:
         archives.append(Archive(batch.folder, settings))
         archives[-1].open()
     jobs = [(number, study) for number, batch in enumerate(batches) for study in range(batch.studies)]
-    done = {job: values for job in jobs if (values := archives[job[0]].load(job[1])) is not None}
+    done = {job: packed(values) for job in jobs if (values := archives[job[0]].load(job[1])) is not None}
     missing = [job for job in jobs if job not in done]
     if missing:
         work = partial(_run_job, tuple(batch.plan for batch in batches), participants)
         with progress(what, len(jobs), len(done)) as bar:
-            for job, values in run_jobs(work, missing, workers):
-                archives[job[0]].save(job[1], values)
-                done[job] = values
+            for job, study in run_jobs(work, missing, workers):
+                archives[job[0]].save(job[1], study)
+                done[job] = study
                 bar.update()
-    return [[done[number, study] for study in range(batch.studies)] for number, batch in enumerate(batches)]
+    return [Studies(done[number, study] for study in range(batch.studies)) for number, batch in enumerate(batches)]
 
 
-def _run_job(plans: tuple[Plan, ...], participants: int, job: tuple[int, int]) -> Values:
+def _run_job(plans: tuple[Plan, ...], participants: int, job: tuple[int, int]) -> bytes:
     """One study of one batch. Batches one after the other, since a process calibrates each plan that it meets."""
     number, study = job
-    return run_study(plans[number], participants, study)
+    return packed(run_study(plans[number], participants, study))
 
 
 @dataclass(frozen=True)

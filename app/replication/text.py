@@ -270,7 +270,9 @@ def _goals_table(result: Replication) -> str:
 
 def _counts_table(result: Replication) -> str:
     studies = len(result.studies)
-    totals = {name: sum(item.counts.get(name, 0) for item in result.studies) for name in result.studies[0].counts}
+    totals: Counter[str] = Counter()
+    for item in result.studies:
+        totals.update(item.counts)
     paper = {
         "tasks": "216",
         "failed_pickups": "1",
