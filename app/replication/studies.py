@@ -161,6 +161,12 @@ class Studies(Sequence[Values]):
     def __len__(self) -> int:
         return len(self._packed)
 
+    def __eq__(self, other: object) -> bool:
+        return self._packed == other._packed if isinstance(other, Studies) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._packed)
+
     @overload
     def __getitem__(self, place: int) -> Values: ...
     @overload

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import pickle
 import re
 from dataclasses import replace
 from functools import partial
@@ -42,7 +43,7 @@ from app.replication.replicate import (
 )
 from app.replication.rule import rule
 from app.replication.spreadsheets import TABLES, write
-from app.replication.studies import Archive, Values, run_studies, run_study, study_seed
+from app.replication.studies import Archive, Studies, Values, run_studies, run_study, study_seed, unpacked
 from app.replication.text import goals_sentence, report, table
 from app.simulated.participant import simulate_trials
 from app.simulated.study import Plan, make_plan, setup_of
@@ -224,6 +225,16 @@ def test_studies_differ_and_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert len({study_seed(3, study) for study in range(100)}) == 100
     monkeypatch.setattr("app.replication.studies.run_study", None)  # nothing is run again
     assert run_studies(small_plan(), 2, 2, 1, tmp_path / "studies") == first
+
+
+def test_studies_are_held_packed_and_come_out_as_they_were() -> None:
+    plan = small_plan()
+    values = [run_study(plan, 1, number) for number in range(2)]
+    held = Studies.of(values)
+    assert list(held) == values
+    assert list(held[1:]) == values[1:]
+    assert [unpacked(one) for one in held.packed] == values
+    assert all(len(one) < 0.3 * len(pickle.dumps(study)) for one, study in zip(held.packed, values, strict=True))
 
 
 def test_two_processes_find_the_same() -> None:
