@@ -135,12 +135,13 @@ def free_bytes() -> int:
     return int(psutil.virtual_memory().available)
 
 
-def keep_to_cores(pid: int | None, cores: Sequence[int]) -> bool:
-    """Have a process (None = this one), and what comes from it later, run on these cores alone; False where the system
-    has no such thing (macOS)."""
+def can_keep_to_cores() -> bool:
+    """Whether processes can be kept to some of the cores; macOS has no such thing."""
+    return hasattr(psutil.Process, "cpu_affinity")
+
+
+def keep_to_cores(pid: int | None, cores: Sequence[int]) -> None:
+    """Have a process (None = this one), and what comes from it later, run on these cores alone."""
     process: Any = psutil.Process(pid)
-    if not hasattr(process, "cpu_affinity"):
-        return False
     with contextlib.suppress(psutil.NoSuchProcess):
         process.cpu_affinity(list(cores))
-    return True

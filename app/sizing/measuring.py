@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from app.errors import LabError
-from app.processes import busy_cpu_s, free_bytes, tree_bytes
+from app.processes import busy_cpu_s, can_keep_to_cores, free_bytes, tree_bytes
 from app.sizing import machine
 from app.sizing.crowd import Crowd
 from app.sizing.figures_of_lab import COMMITS, Reading, bucket_share, late_ms, most, read, share
@@ -81,6 +81,8 @@ class Asked:
                 f"--people-cores {self.people_cores}: this machine has {cores} for lab and people: "
                 f"0 (they share them) to {cores - 1}"
             )
+        if self.people_cores and not can_keep_to_cores():
+            raise LabError("--people-cores: this system keeps no process to some of the cores; leave it out")
 
 
 def _listed(steps: Sequence[int]) -> str:
