@@ -24,16 +24,28 @@ class VitalSigns:
 
 def vital_signs(pid: int | None) -> VitalSigns | None:
     """What the system says; None of a process that is gone, and of none."""
-    if pid is None:
-        return None
-    try:
-        process = psutil.Process(pid)
-        with process.oneshot():
-            times = process.cpu_times()
-            stopped = process.status() in (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
-    except psutil.Error:
-        return None
-    return VitalSigns(stopped, times.user + times.system)
+    return Watched(pid).signs() if pid is not None else None
+
+
+class Watched:
+    """A process that is looked at again and again: finding it is half of what looking at it takes."""
+
+    def __init__(self, pid: int) -> None:
+        self._process: psutil.Process | None = None
+        with contextlib.suppress(psutil.Error):
+            self._process = psutil.Process(pid)
+
+    def signs(self) -> VitalSigns | None:
+        """What the system says; None of a process that is gone."""
+        if self._process is None:
+            return None
+        try:
+            with self._process.oneshot():
+                times = self._process.cpu_times()
+                stopped = self._process.status() in (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
+        except psutil.Error:
+            return None
+        return VitalSigns(stopped, times.user + times.system)
 
 
 def kill(pid: int) -> None:

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 from urllib.parse import urlsplit
 
 import typer
@@ -21,7 +21,7 @@ from app.config import LOOPBACK, LabConfig, Pace, StartMethod, public_url
 from app.errors import LabError
 from app.limits import with_limits
 from app.monitoring.log_lines import LogFormat
-from app.trial.robots import ROBOTS
+from app.trial.robots import ROBOTS, chosen_robot
 
 if TYPE_CHECKING:
     from app.lab.lab import Lab
@@ -85,10 +85,9 @@ def serve(
 
     Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
     """
-    import asyncio
-
-    from app.lab.lab import Lab
+    from app.commands.event_loop import run_on_quick_loop
     from app.monitoring.log_setup import end_with_whole_log, set_up_logging
+    from app.worker.process_source import process_source
 
     config = LabConfig(
         data_dir=data,
@@ -108,6 +107,11 @@ def serve(
     )
     with listen(config.host, config.port) as listener, closing(set_up_logging(log_format)) as lines:
         end_with_whole_log(lines)
+        # The process that sessions' processes come from makes its imports while this one makes its own.
+        process_source(chosen_robot(robot).name, start_method).tend()
+        from app.lab.lab import Lab
+        from app.web.server import create_app
+
         lab = Lab(
             config,
             os.environ.get("SALAB_EXPERIMENTER_TOKEN"),
@@ -118,23 +122,22 @@ def serve(
         if not lab.base_url:
             address = f"[{config.host}]" if ":" in config.host else config.host
             lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
-        asyncio.run(_run_server(lab, listener))
+        run_on_quick_loop(_run_server(lab, create_app(lab), listener))
 
 
-async def _run_server(lab: Lab, listener: socket.socket) -> None:
+async def _run_server(lab: Lab, app: Any, listener: socket.socket) -> None:
     import asyncio
 
     import uvicorn
 
     from app.monitoring.log_setup import log_errors_of
     from app.web.connections import Door, Proxies, allowed_connections, bounded
-    from app.web.server import create_app
 
     log_errors_of(asyncio.get_running_loop())
     limits, trusted = lab.config.limits, lab.config.trusted_proxies
     http, websocket = bounded(Door(limits, lab.refusals, Proxies(trusted), allowed_connections(limits)))
     config = uvicorn.Config(
-        create_app(lab),
+        app,
         log_config=None,  # ours, which fold
         access_log=False,  # links carry tokens
         backlog=BACKLOG,  # at the limit of open files asyncio complains once for each that it could have taken

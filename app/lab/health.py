@@ -62,6 +62,9 @@ class Health:
 
     `trouble` is the store's condition. `probes` may block: each has a thread of its own. `prepare_scene` is done once
     and says what is wrong with it; None where there is no scene.
+
+    Attributes:
+        prepares_scene: the robot's look is still being made ready, once for all sessions.
     """
 
     def __init__(
@@ -77,6 +80,7 @@ class Health:
         self._answer_within_s = answer_within_s
         self._reasons: dict[CheckName, str] = dict.fromkeys(probes, "")
         self._reasons["scene"] = "the robot's look is being prepared" if prepare_scene else ""
+        self.prepares_scene = prepare_scene is not None
         self._asked: dict[CheckName, asyncio.Future[str]] = {}
 
     def checks(self) -> tuple[Check, ...]:
@@ -112,6 +116,8 @@ class Health:
     def _prepared(self, done: asyncio.Future[str]) -> None:
         told = "" if done.cancelled() else "" if done.exception() else done.result()
         self._reasons["scene"] = ""
+        self.prepares_scene = False
+        log.info("the robot's look is ready")
         self._found("scene", told)
 
     def _found(self, name: CheckName, reason: str) -> None:

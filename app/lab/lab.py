@@ -541,6 +541,7 @@ class Lab:
             ran_on=self._ran_on,
             changed=self.changed,
             metrics=self.metrics,
+            may_begin=lambda: pace == "lockstep" or not self.health.prepares_scene,
             start_allowance_s=self._workers.allowance_s,
             panel_link=lambda: self._panel_link(stored.participant),
             flow=self.flow,

@@ -151,6 +151,8 @@ class LabServices:
     """The participant's pages."""
     metrics: Metrics = field(default_factory=Metrics)
     """What is counted and measured."""
+    may_begin: Callable[[], bool] = lambda: True
+    """Whether a worker may begin: not while what all of them need is being made ready."""
     start_allowance_s: float = 0.0
     """How much longer than usual a worker may take to its first sign of life, in seconds."""
 

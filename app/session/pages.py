@@ -112,7 +112,7 @@ def tick_message(
             "tick": result.row.tick,
             "seq": seq,
             "status": status.get(view.phase, "finished"),
-            "instruction": instruction(view, labels, practice, words).model_dump(),
+            "instruction": instruction(view, labels, practice, words),
             "done_tasks": view.done_tasks,
             "tasks": view.tasks,
             "gripper": view.gripper,

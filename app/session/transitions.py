@@ -313,7 +313,8 @@ class Transitions:
         result, practice, labels = report.result, context.session.place == "practice", context.services.labels
         study = context.services.study
         row = replace(result.row, started_utc=utc_text(report.started_unix_s), late_ms=report.late_ms)
-        before = pages.instruction(running.view, labels, practice, study.words) if running.view else None
+        was = running.view if result.view.ended is not None else None
+        before = pages.instruction(was, labels, practice, study.words) if was is not None else None
         running.ticked(report)
         events = [self._of_the_robot(event) for event in result.events]
         if running.freed_by is not None and (report.freeing or result.finished):

@@ -118,7 +118,8 @@ class WorkerLink:
     @property
     def may_start(self) -> bool:
         """Whether a worker is missing, and it is time to start one."""
-        return self.wanted and self._handle is None and self._services.now_unix_s() >= self._retry_s
+        is_due = self.wanted and self._handle is None and self._services.now_unix_s() >= self._retry_s
+        return is_due and self._services.may_begin()
 
     async def start(self, kind: WorkerKind, trial: int) -> None:
         """Start a worker where the record ends; none for a session that can only be ended. Raises what a machine that

@@ -291,7 +291,7 @@ def parse(text: str | bytes, taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE)
             code="too_large", field=None, message=f"the message has {size} bytes; at most {MAX_MESSAGE_BYTES} are taken"
         )
     try:
-        data = json.loads(text, parse_int=whole_number, object_pairs_hook=once)
+        data = _JSON.decode(text)
     except json.JSONDecodeError:
         return Error(code="malformed", field=None, message="the message is not JSON")
     except (ValueError, RecursionError) as error:
@@ -311,6 +311,7 @@ def parse(text: str | bytes, taken: TypeAdapter[ClientMessage] = CLIENT_MESSAGE)
     return message
 
 
+_JSON = json.JSONDecoder(parse_int=whole_number, object_pairs_hook=once)
 _IDENTIFIER = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 MAX_DEPTH = 20
 MAX_FIELD_CHARACTERS = 200

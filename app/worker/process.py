@@ -16,7 +16,8 @@ from multiprocessing.connection import Connection
 
 from app.monitoring.log_lines import about
 from app.monitoring.log_setup import set_up_logging
-from app.processes import VitalSigns, kill, vital_signs
+from app.processes import VitalSigns, Watched, kill
+from app.worker.line import Line, packed, takes
 from app.worker.messages import ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from app.worker.process_source import ProcessesHang, ProcessSource, StartWatch
 
@@ -35,14 +36,14 @@ def _entry(connection: Connection, spec: WorkerSpec) -> None:
 
     set_up_logging(spec.log_format)
     try:
-        run(connection, spec)
+        run(Line(connection), spec)
     except Exception:
         log.exception("a worker ends because of an error", extra=about(participant=spec.setup.participant))
         raise SystemExit(1) from None
 
 
 class _Outgoing:
-    """Commands on their way to a worker, sent by a thread of their own.
+    """Commands on their way to a worker: sent at once while the line takes them, else by a thread of their own.
 
     A worker that no longer reads (stopped, or hung in native code) blocks this thread and nothing else. Meanwhile
     only the newest state of the hands is kept: older ones would be stale anyway.
@@ -51,6 +52,7 @@ class _Outgoing:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._waiting: list[WorkerCommand | None] = []
+        self._is_sending = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="worker commands", daemon=True)
 
@@ -61,6 +63,10 @@ class _Outgoing:
     def put(self, command: WorkerCommand | None) -> None:
         """Queue a command; None ends the thread after what is queued."""
         with self._changed:
+            if command is not None and not self._waiting and not self._is_sending and takes(self._connection):
+                with suppress(OSError):  # the worker is gone; its exit is reported on its own
+                    self._connection.send_bytes(packed(command))
+                return
             last = self._waiting[-1] if self._waiting else None
             if isinstance(command, ControlsState) and isinstance(last, ControlsState) and (command.beat or last.beat):
                 # A heartbeat only repeats: what was pressed, and whether it runs a tick, stays the input's.
@@ -73,13 +79,15 @@ class _Outgoing:
     def _run(self) -> None:
         while True:
             with self._changed:
+                self._is_sending = False
                 while not self._waiting:
                     self._changed.wait()
                 command = self._waiting.pop(0)
+                self._is_sending = True
             if command is None:
                 return
             try:
-                self._connection.send(command)
+                self._connection.send_bytes(packed(command))
             except OSError:
                 return  # the worker is gone; its exit is reported on its own
 
@@ -134,6 +142,7 @@ class WorkerProcess:
         self._connection, self._theirs = source.pipe()
         self._process = source.process(_entry, self._theirs, spec)
         self._incoming: _Incoming | None = None
+        self._watched: Watched | None = None
         self._outgoing = _Outgoing(self._connection)
         self._exited = asyncio.Event()
 
@@ -191,14 +200,18 @@ class WorkerProcess:
 
     def vital_signs(self) -> VitalSigns | None:
         """What the machine says of the process."""
-        return vital_signs(self.pid)
+        if self._watched is None and self.pid is not None:
+            self._watched = Watched(self.pid)
+        return self._watched.signs() if self._watched is not None else None
 
     def _read(self) -> None:
+        """One report, which has come: the loop calls again for the next."""
         try:
-            while self._connection.poll():
-                self._on_report(self._connection.recv())
+            report = self._connection.recv()
         except (EOFError, OSError):
             self._ended()
+        else:
+            self._on_report(report)
 
     def _heard(self, report: WorkerReport) -> None:
         if not self._exited.is_set():

@@ -25,7 +25,6 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
 from app.monitoring.log_lines import about
@@ -35,6 +34,7 @@ from app.trial.robots import make_robot, make_scene, make_spectator_view
 from app.trial.values import TickResult, UserInput
 from app.trial.verdicts import release_points
 from app.worker.input_latch import InputLatch
+from app.worker.line import Line
 from app.worker.messages import (
     Alive,
     Asking,
@@ -71,7 +71,7 @@ ALIVE_EVERY_S = 0.5
 """How often a worker that has nothing to tell says that it lives."""
 
 
-def run(connection: Connection, spec: WorkerSpec) -> None:
+def run(connection: Line, spec: WorkerSpec) -> None:
     """Entry point of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with ExitStack() as open_parts:
@@ -112,7 +112,7 @@ class Worker:
 
     def __init__(
         self,
-        connection: Connection,
+        connection: Line,
         spec: WorkerSpec,
         engine: TrialEngine,
         scene: SceneView | None,

@@ -180,6 +180,7 @@ class AsyncStore:
                 self._troubled(error.kind, str(error))
                 if self.now_s() + pause_s > give_up_s:
                     raise
+                done = replace(done, in_place=False) if done is not None else None
             await asyncio.sleep(pause_s)
         raise AssertionError("the pauses have no end")
 
@@ -205,7 +206,7 @@ class AsyncStore:
         """Written, and to the file that has the name. Raises `StoreTroubled`."""
         if not done.wrote:
             return
-        if not self.store.in_place:
+        if not (done.in_place or self.store.in_place):
             raise StoreTroubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
         if self._damage is not None:
             raise self._damage

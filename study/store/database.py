@@ -29,6 +29,7 @@ from study.store import ledger, migration
 from study.store.condition import WHAT_TO_DO, StoreTroubled, kind_of
 from study.store.fingerprint import fingerprint_text, machine_fingerprint
 from study.store.page_sums import forget_sums, write_sums
+from study.store.statements import driver_of
 from study.store.tables import MACHINES, METADATA, VERSION
 from study.store.values import StoreError
 
@@ -153,7 +154,7 @@ class Database:
 
         Raises `TransactionUndone` where SQLite itself has undone the whole transaction for it.
         """
-        driver: Any = connection.connection.driver_connection
+        driver = driver_of(connection)
         with self._told():
             driver.execute("SAVEPOINT part")
             try:

@@ -16,11 +16,15 @@ import sqlalchemy as sql
 
 from study.integrity.chain import BEGUN, Entry, Head, entry, extended
 from study.integrity.content import CHAINED, OWN_KEYS, key_of, keys_of
+from study.records import columns
+from study.store.statements import driver_of, insertion
 from study.store.tables import CHAINED_TABLES, RECORDS, SESSIONS
 
 _INFO = "chain"
 """Where the entries wait, on the connection."""
 _SALT_BYTES = 16
+_LINK = (*(info.name for info in columns("chain")), "salt")
+_HEAD = "SELECT seq, hash FROM chain WHERE participant = ? ORDER BY seq DESC LIMIT 1"
 
 
 @contextmanager
@@ -54,10 +58,8 @@ def close_ledger(connection: sql.Connection) -> None:
 
 def head_of(connection: sql.Connection, participant: str) -> Head:
     """The end of a participant's chain."""
-    chain = RECORDS["chain"].c
-    query = sql.select(chain.seq, chain.hash).where(chain.participant == participant).order_by(chain.seq.desc())
-    row = connection.execute(query.limit(1)).first()
-    return Head(row.seq, row.hash) if row else Head()
+    row = driver_of(connection).execute(_HEAD, (participant,)).fetchone()
+    return Head(*row) if row else Head()
 
 
 def begin(connection: sql.Connection, revision: str, utc: str) -> None:
@@ -86,5 +88,7 @@ def _entry(table: str, values: Mapping[str, Any]) -> Entry:
 def _link(connection: sql.Connection, participant: str, entries: Iterable[Entry]) -> None:
     noted = list(entries)
     links = extended(head_of(connection, participant), participant, noted)
-    rows = [{**vars(link), "salt": made.salt} for link, made in zip(links, noted, strict=True)]
-    connection.execute(RECORDS["chain"].insert(), rows)
+    said = insertion(RECORDS["chain"], _LINK)
+    driver_of(connection).executemany(
+        said, [(*vars(link).values(), made.salt) for link, made in zip(links, noted, strict=True)]
+    )

@@ -7,13 +7,15 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import sqlalchemy as sql
-from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.flow.protocol import Session, to_json
 from study.store import ledger
 from study.store.rows import insert, update
+from study.store.statements import driver_of, replacement
 from study.store.tables import CYCLES, RECORDS, SUBMISSIONS
 from study.store.values import ConsentGiven, Cycle, StoreError
+
+_RESPONSE = "SELECT response FROM submissions WHERE participant = ? AND message_id = ?"
 
 
 def save_session(
@@ -40,18 +42,15 @@ def save_response(connection: sql.Connection, participant: str, message_id: str,
 
 def response_to(connection: sql.Connection, participant: str, message_id: str) -> dict[str, Any] | None:
     """What a message was answered with, or None when it is new."""
-    query = sql.select(SUBMISSIONS.c.response).where(
-        SUBMISSIONS.c.participant == participant, SUBMISSIONS.c.message_id == message_id
-    )
-    text = connection.execute(query).scalar()
-    return None if text is None else cast("dict[str, Any]", json.loads(text))
+    row = driver_of(connection).execute(_RESPONSE, (participant, message_id)).fetchone()
+    return None if row is None else cast("dict[str, Any]", json.loads(row[0]))
 
 
 def save_cycle(connection: sql.Connection, cycle: Cycle) -> None:
     """The start of a cycle, in place of that of an earlier attempt at it."""
     values = {**vars(cycle), "practice": int(cycle.practice)}
-    replaced = insert_or_update(CYCLES).values(values)
-    connection.execute(replaced.on_conflict_do_update(set_={"start": cycle.start}))
+    said = replacement(CYCLES, tuple(values), ("participant", "trial", "practice", "cycle"))
+    driver_of(connection).execute(said, tuple(values.values()))
     ledger.note(connection, "cycles", values)
 
 

@@ -9,18 +9,21 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import sqlalchemy as sql
-from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.integrity.content import CHAINED
 from study.records import KEYS, TABLES, columns
 from study.store import ledger
+from study.store.statements import driver_of, insertion, replacement
 from study.store.tables import CHAINED_TABLES, RECORDS
 from study.store.values import StoreError
 
 
 def clean_text(value: object) -> str:
     """Text as SQLite and a CSV reader take it: no NUL, no half of a surrogate pair."""
-    return str(value).replace("\0", "").encode("utf-8", "replace").decode("utf-8")
+    text = str(value)
+    if text.isascii():
+        return text.replace("\0", "")
+    return text.replace("\0", "").encode("utf-8", "replace").decode("utf-8")
 
 
 _CASTS_OF: Mapping[str, Callable[[Any], Any]] = {"str": clean_text, "int": int, "float": float}
@@ -28,10 +31,13 @@ _CASTS: Mapping[str, tuple[tuple[str, Callable[[Any], Any]], ...]] = {
     name: tuple((info.name, _CASTS_OF[info.type]) for info in columns(name)) for name in TABLES
 }
 
+_NAMES: Mapping[str, tuple[str, ...]] = {name: tuple(column for column, _ in of) for name, of in _CASTS.items()}
+"""The columns of each table, in the order of `_values`."""
+
 
 def insert(connection: sql.Connection, table: sql.Table, **values: object) -> None:
     """One row of a table of the lab's own."""
-    connection.execute(table.insert().values(values))
+    driver_of(connection).execute(insertion(table, tuple(values)), tuple(values.values()))
     if table.name in CHAINED:
         ledger.note(connection, table.name, values)
 
@@ -50,7 +56,8 @@ def add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     """Rows of a recorded table, beside those it has. Raises `StoreError` for a row of another table's type."""
     values = [_values(table, row) for row in rows]
     if values:
-        connection.execute(RECORDS[table].insert(), values)
+        said = insertion(RECORDS[table], _NAMES[table])
+        driver_of(connection).executemany(said, [tuple(one.values()) for one in values])
     for one in values:
         ledger.note(connection, table, one)
 
@@ -60,9 +67,8 @@ def put(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     for row in rows:
         values = _values(table, row)
         ledger.note(connection, table, values)
-        statement = insert_or_update(RECORDS[table]).values(values)
-        changed = {name: statement.excluded[name] for name, _ in _CASTS[table] if name not in KEYS[table]}
-        connection.execute(statement.on_conflict_do_update(index_elements=list(KEYS[table]), set_=changed))
+        said = replacement(RECORDS[table], _NAMES[table], tuple(KEYS[table]))
+        driver_of(connection).execute(said, tuple(values.values()))
 
 
 def _values(table: str, row: Any) -> dict[str, Any]:

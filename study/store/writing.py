@@ -32,10 +32,11 @@ Work = Batch | Callable[[Store], Any]
 
 @dataclass(frozen=True)
 class Written:
-    """What a piece of work came to, and whether it wrote."""
+    """What a piece of work came to, whether it wrote, and whether that went to the file that has the name."""
 
     result: Any
     wrote: bool
+    in_place: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,9 @@ class WritingThread:
         batches = [piece.work for piece in pieces if isinstance(piece.work, Batch)]
         try:
             if batches:
-                return [
-                    done if isinstance(done, Exception) else Written(done, True)
-                    for done in self._store.commit_all(batches)
-                ]
+                found = self._store.commit_all(batches)
+                in_place = self._store.in_place
+                return [one if isinstance(one, Exception) else Written(one, True, in_place) for one in found]
             return [self._done(piece.work) for piece in pieces]
         except BaseException as error:
             return [error] * len(pieces)

@@ -118,9 +118,10 @@ async def test_the_lab_is_not_ready_before_the_robot_can_be_drawn() -> None:
     assert reason(health, "scene") == "the robot's look is being prepared"
     async with watched(health):
         await asyncio.sleep(0)
-        assert reason(health, "scene")
+        assert reason(health, "scene") and health.prepares_scene
         drawn.set()
         await until(lambda: reason(health, "scene") == "")
+        assert not health.prepares_scene  # from now on sessions' processes begin
     assert reason(Health(lambda: None, {}), "scene") == ""
 
 

@@ -20,7 +20,7 @@ class Machine:
     def __init__(self) -> None:
         self.wall_unix_s, self.monotonic_s = 1_700_000_000.0, 5.0
         self.clock = SteadyClock(lambda: self.wall_unix_s, lambda: self.monotonic_s)
-        self.killed, self.start_allowance_s = 0, 0.0
+        self.killed, self.start_allowance_s, self.is_prepared = 0, 0.0, True
         self.metrics = SimpleNamespace(worker_lost=lambda: None)
         self.signs: VitalSigns | None = VitalSigns(stopped=False, cpu_s=0.0)
         self.told: list[WorkerCommand] = []
@@ -31,6 +31,9 @@ class Machine:
 
     def now_unix_s(self) -> float:
         return self.clock.now_unix_s()
+
+    def may_begin(self) -> bool:
+        return self.is_prepared
 
     async def make_spec(self, kind: str, trial: int) -> Any:
         return type("Spec", (), {"setup": None})
@@ -98,6 +101,14 @@ def test_one_that_works_is_given_longer_and_not_for_ever(
         machine.signs = VitalSigns(stopped=False, cpu_s=waited_s) if is_told else None
         machine.link.end_if_hung(in_lockstep)
     assert waited_s == pytest.approx(patience.busy_s, abs=0.3)
+
+
+def test_none_is_started_while_what_all_need_is_being_made_ready() -> None:
+    machine = Machine()
+    machine.is_prepared = False
+    assert not machine.link.may_start
+    machine.is_prepared = True
+    assert machine.link.may_start
 
 
 def test_one_that_makes_its_imports_itself_has_longer_to_its_first_word_and_not_after_it(machine: Machine) -> None:

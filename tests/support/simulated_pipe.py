@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import Any, TypeVar, cast
 
 import pytest
 
 from app.autonomy.actions import Direction
 from app.trial.engine import TrialEngine
+from app.worker.line import Line
 from app.worker.messages import Alive, ControlsState, Stop, WorkerCommand, WorkerReport, WorkerSpec
 from app.worker.spectator_view import OnDemandView
 from app.worker.worker import Worker
@@ -89,7 +89,7 @@ def simulate(
     pipe = pipe or SimulatedPipe([*schedule, STAYS_OPEN])
     monkeypatch.setattr("app.worker.worker.time", pipe)
     engine = TrialEngine(spec.setup, robot, spec.start)
-    Worker(cast(Connection, pipe), spec, engine, scene, spectator_view).serve()
+    Worker(cast(Line, pipe), spec, engine, scene, spectator_view).serve()
     return [entry for entry in pipe.sent if not isinstance(entry.report, Alive)]
 
 

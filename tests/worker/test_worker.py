@@ -8,13 +8,13 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from typing import Any, cast
 
 import pytest
 
 from app.config import Pace
 from app.trial.values import CycleStart, TickResult, UserInput, inputs_of
+from app.worker.line import Line
 from app.worker.messages import (
     Alive,
     Begin,
@@ -463,7 +463,7 @@ def run_in_place(monkeypatch: pytest.MonkeyPatch, pipe: Pipe, robot: StagedRobot
     monkeypatch.setattr("app.worker.worker.time", pipe)
     monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
     monkeypatch.setattr("app.worker.worker.make_robot", lambda name: robot)
-    run_worker(cast(Connection, pipe), spec("lockstep"))
+    run_worker(cast(Line, pipe), spec("lockstep"))
 
 
 def test_a_worker_whose_lab_is_gone_ends_and_lets_go_of_its_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -499,7 +499,7 @@ def test_a_robot_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch
     pipe = Pipe([(0.0, Stop())])
     monkeypatch.setattr("app.worker.worker.signal.signal", lambda number, action: None)
     with pytest.raises(PartError):
-        run_worker(cast(Connection, pipe), replace(spec(), robot="steam"))
+        run_worker(cast(Line, pipe), replace(spec(), robot="steam"))
     (failed,) = of(pipe.sent, Failed)
     assert "steam" in failed.reason and "kinematic" in failed.reason
     assert pipe.closed
@@ -508,7 +508,7 @@ def test_a_robot_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch
 def test_a_real_process_ticks_in_real_time_and_ends_with_its_lab() -> None:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=run_worker, args=(theirs, spec()), daemon=True)
+    process = context.Process(target=run_worker, args=(Line(theirs), spec()), daemon=True)
     process.start()
     theirs.close()
     reports: list[Any] = []
