@@ -12,6 +12,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
     migration     versions of the file, and how an older one becomes this one
     tables        what stands in the file
     rows          a recorded row as SQLite takes it
+    statements    statements of every tick, put into words once
     ledger        what a transaction wrote, and the links of the chain made of it
     certificates  what there was of somebody who has ended, signed
     page_sums     checksums of the pages while no lab runs
