@@ -115,6 +115,10 @@ def test_every_file_has_its_checksum(package: Path) -> None:
     }
 
 
+TO_THE_LAST_DIGIT: dict[str, Any] = {"float_precision": "round_trip"} if pd.__version__ < "3" else {}
+"""As pandas reads anyway from version 3 on, where to ask for it is a warning."""
+
+
 def test_csv_and_parquet_hold_the_same_in_pandas(package: Path) -> None:
     for table in TABLES:
         fields = {field["name"]: field["type"] for field in schema(package, table)["fields"]}
@@ -122,7 +126,13 @@ def test_csv_and_parquet_hold_the_same_in_pandas(package: Path) -> None:
         whole = {name: "Int64" for name, kind in fields.items() if kind == "integer"}
         times = [name for name, kind in fields.items() if kind == "datetime"]
         text = {name: "string" for name, kind in fields.items() if kind in ("string", "object", "array")}
-        read = pd.read_csv(package / f"{table}.csv", dtype={**whole, **text}, keep_default_na=False, na_values=[""])
+        read = pd.read_csv(
+            package / f"{table}.csv",
+            dtype={**whole, **text},
+            keep_default_na=False,
+            na_values=[""],
+            **TO_THE_LAST_DIGIT,
+        )
         packed = pd.read_parquet(package / f"{table}.parquet")
         assert list(packed.columns) == list(read.columns)
         assert len(packed) == len(read) > 0

@@ -116,6 +116,7 @@ PURE = (
 """Rooms and modules of values and rules: no clock, no socket, no randomness of their own, few libraries."""
 CLOCKLESS = (*PURE, "app.trial")
 """Those, and what may use the robots' libraries but has no clock, no socket and no randomness of its own either."""
+STDLIB = sys.stdlib_module_names | {"tomllib"}  # since 3.11
 PURE_LIBRARIES = frozenset({"numpy", "pydantic", "pydantic_core", "annotated_types", "tomli", "typing_extensions"})
 IMPURE_STDLIB = frozenset(
     {"asyncio", "http", "multiprocessing", "random", "secrets", "select", "socket", "sqlite3", "subprocess"}
@@ -240,7 +241,7 @@ def _outside_import(where: str, module: str, library: str) -> Iterator[str]:
         yield f"{where} imports {library}: {allowed} may."
     if library in IMPURE_STDLIB and is_in(module, CLOCKLESS):
         yield f"{where} (clockless) imports {library}: it is given now_s, rng and text, it does not fetch them."
-    if is_in(module, PURE) and library not in sys.stdlib_module_names and library not in PURE_LIBRARIES:
+    if is_in(module, PURE) and library not in STDLIB | PURE_LIBRARIES:
         yield f"{where} (pure) imports {library}: pure code has only {', '.join(sorted(PURE_LIBRARIES))}."
 
 
