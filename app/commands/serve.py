@@ -85,7 +85,8 @@ def serve(
 
     Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
     """
-    from app.commands.event_loop import run_on_quick_loop
+    import asyncio
+
     from app.monitoring.log_setup import end_with_whole_log, set_up_logging
     from app.worker.process_source import process_source
 
@@ -122,7 +123,7 @@ def serve(
         if not lab.base_url:
             address = f"[{config.host}]" if ":" in config.host else config.host
             lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
-        run_on_quick_loop(_run_server(lab, create_app(lab), listener))
+        asyncio.run(_run_server(lab, create_app(lab), listener))
 
 
 async def _run_server(lab: Lab, app: Any, listener: socket.socket) -> None:
