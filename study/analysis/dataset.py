@@ -10,10 +10,11 @@ import csv
 import json
 import os
 from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from math import isfinite
 from operator import itemgetter
 from pathlib import Path
 from statistics import median
@@ -25,7 +26,7 @@ from study.definition.builtin_questionnaires import Instrument
 from study.definition.files_beside import MOST_STUDY_BYTES
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
-from study.export.export import finite_cell, read_meta, read_table, whole_cell
+from study.export.export import read_meta, read_table, whole_cell
 from study.flow.answers import SurveyScore, survey_scores
 from study.flow.recorded import ARM_FREED
 from study.json_text import parse_json
@@ -266,54 +267,52 @@ class _Ticks:
                     raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
                 found = [name for name in LightTick._fields if name in header]
                 cells_of = itemgetter(*map(header.index, found))
-                seen: set[tuple[str, str, str]] = set()
-                for line in filter(None, lines):  # some editors leave a blank one at the end
-                    tick = self._of(*cells_of(line), seen=seen)
-                    if tick is not None:
-                        yield tick
+                yield from self._of(map(cells_of, filter(None, lines)))  # some editors leave a blank one at the end
         except AnalysisError:
             raise
         except (ValueError, IndexError, OSError, csv.Error) as error:
             read_table(self._folder, "ticks")  # names the line and the cell
             raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
 
-    def _of(
-        self,
-        participant: str,
-        trial: str,
-        task: str,
-        tick: str,
-        source: str,
-        after_pause: str,
-        belief: str,
-        entropy: str,
-        attempt: str = "1",
-        *,
-        seen: set[tuple[str, str, str]],
-    ) -> LightTick | None:
-        """What the cells of a line say; None of what is not measured."""
-        number, value = _whole(tick), finite_cell(entropy)
-        if number < 0:
-            raise ValueError("a tick is negative")
-        key = (participant, trial, tick)
-        if key in seen:
-            raise ValueError("a tick is there twice")
-        if len(seen) == _TOGETHER:
-            seen.clear()
-        seen.add(key)
-        place, pauses, attempts = (participant, _whole(trial)), _whole(after_pause), _whole(attempt)
-        if not task:
-            return None  # resets have no task and are not measured
-        if place not in self._known:
-            raise AnalysisError(
-                f"{self._folder / 'ticks.csv'}: participant {participant}, trial {place[1]} is not in trials.csv; "
-                "export the data again"
-            )
-        if place not in self._kept:
-            return None
-        self.ticks += 1
-        self.pauses += pauses
-        return LightTick(participant, place[1], _whole(task), number, source, pauses, belief, value, attempts)
+    def _of(self, lines: Iterable[tuple[str, ...]]) -> Iterator[LightTick]:
+        """What the cells of lines say, without what is not measured."""
+        seen: dict[tuple[str, str], set[str]] = {}
+        remembered = 0
+        before: tuple[str, str] | None = None
+        own, of_trial, is_kept, is_known = "", 0, False, False
+        ticks_seen: set[str] = set()
+        for participant, trial, task, tick, source, after_pause, belief, entropy, *rest in lines:
+            number, value = _whole(tick), float(entropy)
+            if number < 0 or not isfinite(value) or "_" in entropy:
+                raise ValueError("a tick is negative, or an entropy is none")
+            if (participant, trial) != before:
+                before = own, _ = participant, trial
+                ticks_seen = seen.setdefault(before, set())
+                of_trial = _whole(trial)
+                is_known, is_kept = (own, of_trial) in self._known, (own, of_trial) in self._kept
+            if tick in ticks_seen:
+                raise ValueError("a tick is there twice")
+            if remembered == _TOGETHER:
+                seen, remembered = {before: set()}, 0
+                ticks_seen = seen[before]
+            ticks_seen.add(tick)
+            remembered += 1
+            pauses, attempts = _whole(after_pause), _whole(rest[0]) if rest else 1
+            if not task:
+                continue  # resets have no task and are not measured
+            if not is_known:
+                raise AnalysisError(
+                    f"{self._folder / 'ticks.csv'}: participant {participant}, trial {of_trial} is not in trials.csv; "
+                    "export the data again"
+                )
+            if not is_kept:
+                continue
+            self.ticks += 1
+            self.pauses += pauses
+            yield _light_tick((own, of_trial, _whole(task), number, source, pauses, belief, value, attempts))
+
+
+_light_tick = LightTick._make
 
 
 def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone: Sequence[ParticipantRow]) -> None:
