@@ -162,7 +162,9 @@ class Belief:
         if posterior.shape[0] > _ROUNDS_WELL:
             return Belief(self.goal_ids, posterior)
         after = object.__new__(Belief)  # it has been normalised just now: there is nothing to check
-        after.__dict__.update(goal_ids=self.goal_ids, probabilities=frozen(posterior))
+        logs = _log(posterior)
+        entropy = _entropy(posterior, logs)
+        after.__dict__.update(goal_ids=self.goal_ids, probabilities=frozen(posterior), _logs=logs, entropy=entropy)
         return after
 
     @cached_property

@@ -46,6 +46,7 @@ class Feasibility:
         self._robot, self._world, self._scene = robot, world, scene
         self._model, self._momentum, self._reach_m = model, momentum, reach_m
         self._surroundings = surroundings
+        self._obstacles: Obstacles | None = None
         self._answers: dict[int, bool] = {}
 
     def __call__(self, action: Sequence[int]) -> bool:
@@ -65,10 +66,12 @@ class Feasibility:
     def _displacements_m(self) -> NDArray[np.float64]:  # (27, 3)
         return _ways_m(self._model, self._momentum, self._reach_m)[0]
 
-    @cached_property
+    @property
     def obstacles(self) -> Obstacles:
         """What stands around."""
-        return (self._surroundings or Surroundings()).obstacles(self._world, self._scene)
+        if self._obstacles is None:  # no `cached_property`: before Python 3.12 it takes a lock, longer than the rest
+            self._obstacles = (self._surroundings or Surroundings()).obstacles(self._world, self._scene)
+        return self._obstacles
 
     @cached_property
     def _pushes_nothing(self) -> Callable[[Vector3], bool]:
