@@ -94,7 +94,7 @@ def _error(kappa: float, goals: int, longest_m: float, farthest_m: float, neares
     return 8.0 * of_score * (1.0 + 2.0 * kappa * longest_m) + _EPS * (64.0 + 4.0 * goals) * (8.0 + kappa * farthest_m)
 
 
-@lru_cache(maxsize=512)  # few momenta, the same ones tick after tick
+@lru_cache(maxsize=64)  # few momenta, the same ones tick after tick
 def _offsets(model: TransitionModel, momentum: tuple[float, float, float], looking: Looking, kappa: float) -> _Offsets:
     places_m = np.array(model.displacements(momentum))  # (27 of the arm, 3)
     if looking.place == "ahead":

@@ -85,7 +85,7 @@ class Feasibility:
         return self._pushes_nothing(way_m)
 
 
-@lru_cache(maxsize=4096)  # few momenta, the same ones tick after tick
+@lru_cache(maxsize=256)  # few momenta, the same ones tick after tick
 def _ways_m(
     model: TransitionModel, momentum: Vector3, reach_m: float
 ) -> tuple[NDArray[np.float64], tuple[Vector3, ...]]:
