@@ -63,6 +63,13 @@ def lockstep() -> Iterable[Figure]:
     return lockstep_figures()
 
 
+def start() -> Iterable[Figure]:
+    """a lab until it is ready, a session until its robot is, and what a session takes of memory"""
+    from tests.bench.start import start_figures
+
+    return start_figures()
+
+
 def study() -> Iterable[Figure]:
     """a simulated study of twelve on one core and on two"""
     from tests.bench.study import study_figures
@@ -93,7 +100,7 @@ def whole() -> Iterable[Figure]:
 
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
     part.__name__: part
-    for part in (decision, robots, physics, live, pictures, depth, lockstep, study, analysis, replication, whole)
+    for part in (decision, robots, physics, live, pictures, depth, lockstep, start, study, analysis, replication, whole)
 }
 ON_REQUEST = ("whole",)
 
