@@ -1,4 +1,4 @@
-"""The Fetch in pybullet: contact, friction, gravity. The only file that imports pybullet.
+"""The Fetch in pybullet: contact, friction, gravity. The only file that loads pybullet.
 
 One `DIRECT` client per robot. One slice is `STEPS_PER_SLICE` physics steps, twice as many while something falls; the
 arm gets new joint targets twice a slice, from the closed-form inverse of the point where the gripper should be by then.
@@ -13,8 +13,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-
-import pybullet
+from typing import Any
 
 from sim import fetch, ik, urdf
 from sim.interface import SLICE_S, PlacedObject, Pose, SceneSpec, Vector3
@@ -29,6 +28,10 @@ from sim.physical import (
     PhysicalRobot,
     walls,
 )
+from sim.unprinted import imported
+
+pybullet: Any = imported("pybullet")
+"""It prints when it was built."""
 
 STEPS_PER_SLICE = 4
 FALLING_STEPS_PER_SLICE = 8
