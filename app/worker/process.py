@@ -63,10 +63,13 @@ class _Outgoing:
     def put(self, command: WorkerCommand | None) -> None:
         """Queue a command; None ends the thread after what is queued."""
         with self._changed:
-            if command is not None and not self._waiting and not self._is_sending and takes(self._connection):
-                with suppress(OSError):  # the worker is gone; its exit is reported on its own
-                    self._connection.send_bytes(packed(command))
-                return
+            if command is not None and not self._waiting and not self._is_sending:
+                try:
+                    if takes(self._connection):
+                        self._connection.send_bytes(packed(command))
+                        return
+                except OSError:
+                    return  # the worker is gone; its exit is reported on its own
             last = self._waiting[-1] if self._waiting else None
             if isinstance(command, ControlsState) and isinstance(last, ControlsState) and (command.beat or last.beat):
                 # A heartbeat only repeats: what was pressed, and whether it runs a tick, stays the input's.
@@ -108,7 +111,8 @@ class _Incoming:
         self._thread.start()
 
     def stop(self) -> None:
-        """Hear no more. The thread closes the connection: nobody else can, while it waits there."""
+        """Hear no more. The connection is closed when the thread does not wait there any more, and by the loop, which
+        may be sending."""
         self._over.set()
 
     def _run(self) -> None:
@@ -118,6 +122,8 @@ class _Incoming:
                     if self._connection.poll(LOOK_EVERY_S):
                         self._loop.call_soon_threadsafe(self._hear, self._connection.recv())
             self._loop.call_soon_threadsafe(self._end)
+            self._loop.call_soon_threadsafe(self._connection.close)
+            return
         self._connection.close()
 
 
