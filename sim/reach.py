@@ -73,9 +73,7 @@ def is_sure_around(place_m: Vector3, radius_m: float) -> bool:
         and z_m + radius_m <= _HIGH_M[2]
     ):
         return False
-    forward_m, down_m = x_m - FORWARD_M, HEIGHT_M - z_m
-    out_m = math.sqrt(forward_m * forward_m + y_m * y_m) - RING_M
-    span = math.sqrt(out_m * out_m + down_m * down_m)
+    span = span_m(place_m)
     if not span - radius_m >= SHORTEST_M or not span + radius_m <= LONGEST_M:
         return False
     return x_m - radius_m > _CHEST_M[0] or abs(y_m) - radius_m > _CHEST_M[1] or z_m - radius_m > _CHEST_M[2]
