@@ -29,6 +29,7 @@ HEALTH: tuple[CheckName, ...] = ("store", "data_folder", "workers")
 ASKS: Mapping[CheckName, str] = {
     "workers": "whether a process can be started for a session",
     "room": "how much room there is on the disk",
+    "scene": "how the robot is drawn",
 }
 """What is looked at, for when that cannot be told."""
 LOOK_EVERY_S = 10.0
@@ -36,6 +37,8 @@ LOOK_AGAIN_AFTER_S = 1.0
 """While something is wrong."""
 ANSWER_WITHIN_S = 3.0
 """A probe that has not answered by then fails, and is waited for without asking again."""
+SCENE_WITHIN_S = 60.0
+"""Sessions wait no longer for the robot's look: then each makes it ready for itself."""
 MIN_FREE_BYTES = 200_000_000
 """A session writes some megabytes; SQLite's log and an export want room besides."""
 
@@ -64,7 +67,7 @@ class Health:
     and says what is wrong with it; None where there is no scene.
 
     Attributes:
-        prepares_scene: the robot's look is still being made ready, once for all sessions.
+        prepares_scene: the robot's look is being made ready, once for all sessions, which wait for it.
     """
 
     def __init__(
@@ -73,11 +76,13 @@ class Health:
         probes: dict[CheckName, Probe],
         prepare_scene: Probe | None = None,
         answer_within_s: float = ANSWER_WITHIN_S,
+        scene_within_s: float = SCENE_WITHIN_S,
     ) -> None:
         self._trouble = trouble
         self._probes = probes
         self._prepare_scene = prepare_scene
         self._answer_within_s = answer_within_s
+        self._scene_within_s = scene_within_s
         self._reasons: dict[CheckName, str] = dict.fromkeys(probes, "")
         self._reasons["scene"] = "the robot's look is being prepared" if prepare_scene else ""
         self.prepares_scene = prepare_scene is not None
@@ -95,6 +100,7 @@ class Health:
         """Look again and again until cancelled."""
         if self._prepare_scene is not None:
             _on_thread("scene", self._prepare_scene).add_done_callback(self._prepared)
+            asyncio.get_running_loop().call_later(self._scene_within_s, self._wait_no_longer)
         while True:
             await asyncio.gather(*(self._look(name) for name in self._probes))
             all_well = all(check.is_well for check in self.checks())
@@ -114,11 +120,19 @@ class Health:
         self._found(name, asked.result() if error is None else f"{ASKS[name]}: {type(error).__name__}")
 
     def _prepared(self, done: asyncio.Future[str]) -> None:
-        told = "" if done.cancelled() else "" if done.exception() else done.result()
-        self._reasons["scene"] = ""
         self.prepares_scene = False
-        log.info("the robot's look is ready")
-        self._found("scene", told)
+        if done.cancelled():
+            return
+        self._reasons["scene"] = ""
+        error = done.exception()
+        if error is None:
+            log.info("the robot's look is ready")
+        self._found("scene", done.result() if error is None else f"{ASKS['scene']}: {type(error).__name__}")
+
+    def _wait_no_longer(self) -> None:
+        if self.prepares_scene:
+            self.prepares_scene = False
+            log.warning("the robot's look takes long to make ready: sessions do not wait for it any more")
 
     def _found(self, name: CheckName, reason: str) -> None:
         before, self._reasons[name] = self._reasons[name], reason

@@ -125,6 +125,26 @@ async def test_the_lab_is_not_ready_before_the_robot_can_be_drawn() -> None:
     assert reason(Health(lambda: None, {}), "scene") == ""
 
 
+async def test_sessions_do_not_wait_for_ever_for_a_look_that_does_not_come() -> None:
+    drawn = threading.Event()
+    health = Health(lambda: None, {}, lambda: "" if drawn.wait(20) else "never", scene_within_s=0.05)
+    async with watched(health):
+        await until(lambda: not health.prepares_scene)
+        assert reason(health, "scene") == "the robot's look is being prepared", "nobody else should begin"
+        drawn.set()
+        await until(lambda: reason(health, "scene") == "")
+
+
+async def test_a_look_that_cannot_be_made_is_told_and_holds_up_no_session() -> None:
+    def fails() -> str:
+        raise OSError("no room")
+
+    health = Health(lambda: None, {}, fails)
+    async with watched(health):
+        await until(lambda: reason(health, "scene") == "how the robot is drawn: OSError")
+        assert not health.prepares_scene
+
+
 async def test_a_lab_that_draws_another_robot_than_the_study_says_is_not_ready() -> None:
     health = Health(lambda: None, {}, lambda: "the lab's own look is drawn instead")
     async with watched(health):
