@@ -12,7 +12,6 @@ import { DEAD_ZONE, directionOf, PadReader, snapshot, validMapping } from "./map
 /** @typedef {"absent" | "refused"} PadProblem the browser has no gamepads for this page, or throws when asked */
 /** @typedef {{ padId: string, mapping: Mapping, deadZone: number, isStandard: boolean }} Pad a pad and what was learned of it */
 
-const ASLEEP_MS = 2500; // not polled for that long: the computer or the page slept
 const LETS_GO = ["blur", "pagehide", "freeze", "resume"];
 
 /**
@@ -43,9 +42,9 @@ export function remember({ padId, mapping, deadZone, isStandard }) {
 
 /**
  * Emits "hands" on change, "gripper" and "view" once a press, "pads" when pads come or go, "plug" when the pad in use
- * does, and "poll" at display rate.
+ * does, and at display rate "frame" before the pads are read and "poll" after it.
  *
- * @extends {Emitter<HandsEvents & { pads: null, poll: null, plug: { there: boolean, again: boolean } }>}
+ * @extends {Emitter<HandsEvents & { pads: null, frame: null, poll: null, plug: { there: boolean, again: boolean } }>}
  */
 export class Pads extends Emitter {
   constructor() {
@@ -69,7 +68,6 @@ export class Pads extends Emitter {
     /** @type {Set<Action>} */
     this._on = new Set();
     this._said = ""; // what listeners were told last
-    this._polledMs = Date.now();
     for (const name of /** @type {const} */ (["gamepadconnected", "gamepaddisconnected"]))
       addEventListener(name, (event) => {
         this._forget(event.gamepad.index); // a new connection has shown nothing yet
@@ -202,9 +200,7 @@ export class Pads extends Emitter {
   }
 
   _poll() {
-    const nowMs = Date.now();
-    if (Math.abs(nowMs - this._polledMs) > ASLEEP_MS) for (const reader of this._readers.values()) reader.begin();
-    this._polledMs = nowMs;
+    this.emit("frame");
     const problem = this.problem;
     const pads = this._list();
     this._watch(pads);

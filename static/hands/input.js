@@ -19,7 +19,7 @@ import { chosenDevice } from "./keyboard.js";
  * @typedef {{ direction: Direction | null, device: Device, waiting: Action[] }} Hands
  */
 
-const SLEPT_MS = 1000; // so long between two beats: the computer slept, or the page stood still
+const SLEPT_MS = 1000; // so long without a frame and without a beat: the computer slept, or the page stood still
 
 /**
  * @param {Direction | null} a
@@ -51,8 +51,8 @@ export class Input extends Emitter {
     /** @type {ChosenDevice["device"] | null} */
     this.chosen = null;
     this._everyMs = 0;
-    this._beatMs = performance.now();
-    this._beatWallMs = Date.now();
+    this._awakeMs = performance.now();
+    this._awakeWallMs = Date.now();
     this._timer = new HeartbeatTimer();
     this._timer.addEventListener("beat", () => this._beat());
     this._timer.addEventListener("fallback", (event) => {
@@ -64,6 +64,7 @@ export class Input extends Emitter {
       device.addEventListener("gripper", (event) => this._gripper(event.detail));
       device.addEventListener("view", () => this.emit("view"));
     }
+    pads.addEventListener("frame", () => this._wake());
     pads.addEventListener("pads", () => this._announce());
     pads.addEventListener("plug", (event) => this._plugged(event.detail));
     socket.addEventListener("welcome", (event) => this._welcome(event.detail));
@@ -193,12 +194,15 @@ export class Input extends Emitter {
     this._timer.start(everyMs);
   }
 
-  /** After a sleep of the computer, or of the page, nobody knows what was let go of meanwhile. */
+  /**
+   * After a sleep of the computer, or of the page, nobody knows what was let go of meanwhile. It is noticed once, at the
+   * first frame or beat: noticed again by the other it would let go of what was pressed between the two.
+   */
   _wake() {
     const [nowMs, wallMs] = [performance.now(), Date.now()]; // the first stands still on some computers that sleep
-    const sleptMs = Math.max(nowMs - this._beatMs, wallMs - this._beatWallMs);
-    [this._beatMs, this._beatWallMs] = [nowMs, wallMs];
-    if (sleptMs < SLEPT_MS || !this.driving) return;
+    const sleptMs = Math.max(nowMs - this._awakeMs, wallMs - this._awakeWallMs);
+    [this._awakeMs, this._awakeWallMs] = [nowMs, wallMs];
+    if (sleptMs < SLEPT_MS) return;
     this.keyboard.release();
     this.pads.release();
   }

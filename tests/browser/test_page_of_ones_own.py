@@ -47,6 +47,7 @@ def test_it_is_shown_says_what_is_refused_and_leads_on(
     page.get_by_test_id("comfort-hard").fill("Seeing how far away things are.")
     go_on.click()
     page.get_by_test_id("page-drive").wait_for(state="visible")
+    page.wait_for_function("salab.socket.outbox.waiting().length === 0")  # what it sent after that is on disk too
     ((_, said),) = read(lab, made["participant"], "step_comfort")
     assert said == {"text": "Seeing how far away things are."}
     ((_, noted),) = read(lab, made["participant"], "page.own.changed")
