@@ -85,15 +85,15 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, the tes
 test-long: $(VENV)/.installed-test ## the other cases of those kinds that `make test` has examples of
 	@$(PY) -m pytest $(ON_ALL_CORES) -m long
 
-test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no physics, nothing slow
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not long and not browser and not bullet and not mujoco"
+test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no physics, no lab that runs, nothing slow
+	@$(PY) -m pytest $(ON_ALL_CORES) -m quick
 
 check: $(VENV)/.installed-test ## while working: ruff, formatting, mypy, check-js, test-fast
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
 	@$(CHECK_JS)
-	@$(PY) -m pytest $(ON_ALL_CORES) -m "not slow and not long and not browser and not bullet and not mujoco"
+	@$(PY) -m pytest $(ON_ALL_CORES) -m quick
 
 check-js: $(VENV)/.installed-test ## the pages' JavaScript: formatting, lint, types (needs Node.js)
 	@$(CHECK_JS)

@@ -18,6 +18,7 @@ from tests.support import chromium
 from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer
 from tests.support.long_cases import is_long
+from tests.support.quick_tests import is_quick
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
@@ -46,7 +47,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Whatever asks for a browser is marked `browser`, and a whole study in one begins first: nothing takes as long.
 
-    What is marked with a robot is skipped where its physics is not installed, and what `make test-long` runs is marked.
+    What is marked with a robot is skipped where its physics is not installed, and what `make test-long` and
+    `make test-fast` run is marked.
     """
     skips = {name: pytest.mark.skip(reason=why) for name in ROBOTS.libraries if (why := ROBOTS.lacking(name))}
     for item in items:
@@ -54,6 +56,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.browser)
         if is_long(item.nodeid):
             item.add_marker(pytest.mark.long)
+        if is_quick(item):
+            item.add_marker(pytest.mark.quick)
         for name in skips.keys() & {mark.name for mark in item.iter_markers()}:
             item.add_marker(skips[name])
     items.sort(key=lambda item: item.path.name != WHOLE_STUDY)

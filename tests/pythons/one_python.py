@@ -19,7 +19,7 @@ from tests.support.study_samples import small_study
 
 ROOT = Path(__file__).resolve().parents[2]
 FAST = ("-m", "not slow and not long and not browser and not bullet and not mujoco")
-"""What `make test-fast` runs."""
+"""Whatever needs no browser and no physics and is not marked as slow."""
 CONTRACT = ("-m", "not slow and not long and (bullet or mujoco)", "tests/sim/test_robot_contract.py")
 """What a robot with physics is held to."""
 ROBOTS = ("kinematic", "bullet", "mujoco")

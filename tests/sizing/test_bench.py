@@ -49,7 +49,8 @@ def test_a_run_leaves_its_figures_and_a_number_that_the_lab_keeps_to(tmp_path: P
     assert run.returncode == 0, problems
     steps = steps_in(out)
     assert {step["sessions"] for step in steps} == {"1", "2"}
-    assert all(float(step["ticks"]) > 0 and float(step["scene_kb_s"]) > 0 for step in steps)
+    for what in ("ticks", "scene_kb_s"):  # of any step: in two seconds everybody may be reading a page
+        assert sum(float(step[what]) for step in steps) > 0, what
     assert all(float(step["worker_cores"]) > 0 and float(step["mb_per_session"]) > 1 for step in steps)
     told = json.loads((out / "sessions.json").read_text(encoding="utf-8"))
     assert (told["robot"], told["views"], len(told["steps"])) == ("kinematic", True, len(steps))
