@@ -109,10 +109,14 @@ class Thing:
         across = abs(dx_m * y_m - dy_m * x_m)
         return across > abs(dy_m) * part.half_x_m + abs(dx_m) * part.half_y_m + least_m * math.hypot(dx_m, dy_m)
 
+    def spare_m(self, x_m: float, y_m: float, z_m: float) -> float:
+        """How much more than their margins the pairs keep with the gripper there, as `_spare_m` of each."""
+        return min([_spare_m(part, x_m, y_m, z_m) for part in self._parts])
+
     def is_surely_met(self, place: Place, target: Place, samples: int, step_m: float) -> bool:
         """Whether one of the way's samples, `step_m` apart and the target, certainly comes too near to it, and the
         place does not; 0 `samples`: nothing is known of them."""
-        if not samples or any(_spare_m(part, place.x_m, place.y_m, place.z_m) < SURE_M for part in self._parts):
+        if not samples or self.spare_m(place.x_m, place.y_m, place.z_m) < SURE_M:
             return False
         dx_m, dy_m, dz_m = target.x_m - place.x_m, target.y_m - place.y_m, target.z_m - place.z_m
         square = dx_m * dx_m + dy_m * dy_m

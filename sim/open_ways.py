@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sim.ik import within_reach
 from sim.interface import Vector3
 from sim.obstacles import SURE_M, Obstacles, Pairs
-from sim.reach import Place, is_sure_around, is_sure_way
+from sim.reach import Place, is_sure_around, is_sure_way, is_surely_within
 
 SAMPLE_M = 0.03
 """Half of what a finger is long: no corner is jumped by more than millimetres."""
@@ -46,8 +46,7 @@ class Ways:
 
     def is_open(self, place_m: Vector3, which: int) -> bool:
         """Whether target `which` could be gone to straight from there."""
-        found = self._surely_open(Place(place_m), which)
-        return bool(self.looked_at_from(place_m, which)[1][0]) if found is None else found
+        return self._is_open(Place(place_m), place_m, which)
 
     def is_reached(self, place_m: Vector3, which: int) -> bool:
         """Whether the way to target `which` is within reach, whatever stands on it."""
@@ -61,10 +60,7 @@ class Ways:
         for which in self._sequence:
             if which >= count or not possible[which]:
                 continue
-            found = self._surely_open(place, which)
-            if found is None:
-                found = bool(self.looked_at_from(place_m, which)[1][0])
-            if not found:
+            if not self._is_open(place, place_m, which):
                 self._sequence.remove(which)  # it will be closed from the next place too
                 self._sequence.insert(0, which)
                 return False
@@ -74,15 +70,42 @@ class Ways:
         """Whether any of the first `count` targets that the gripper can be at could be gone to straight from there."""
         return any(self._possible[which] and self.is_open(place_m, which) for which in range(count))
 
-    def _surely_open(self, place: Place, which: int) -> bool | None:
-        """None where samples have to be looked at."""
+    def _is_open(self, place: Place, place_m: Vector3, which: int) -> bool:
         target = self._places[which]
+        found = self._surely_open(place, target)
+        if found is None:
+            found = self._walked(place, target)
+        return bool(self.looked_at_from(place_m, which)[1][0]) if found is None else found
+
+    def _surely_open(self, place: Place, target: Place) -> bool | None:
+        """None where samples have to be looked at."""
         if not is_sure_way(place, target):
             return None
         for thing in self._obstacles.things:
             if thing.is_surely_off(place.x_m, place.y_m, place.z_m, target.x_m, target.y_m, target.z_m):
                 continue
             return False if thing.is_surely_met(place, target, *self._samples(place)) else None
+        return True
+
+    def _walked(self, place: Place, target: Place) -> bool | None:
+        """As the samples one after the other tell it; None where one of them is a matter of rounding, or the place is
+        too near to something already."""
+        samples, step = self._samples(place)
+        x_m, y_m, z_m, to_x_m, to_y_m, to_z_m = place.x_m, place.y_m, place.z_m, target.x_m, target.y_m, target.z_m
+        met = [t for t in self._obstacles.things if not t.is_surely_off(x_m, y_m, z_m, to_x_m, to_y_m, to_z_m)]
+        if not samples or any(thing.spare_m(x_m, y_m, z_m) < SURE_M for thing in met):
+            return None
+        is_within = is_sure_way(place, target)
+        dx_m, dy_m, dz_m = to_x_m - x_m, to_y_m - y_m, to_z_m - z_m
+        for number in range(1, samples + 1):
+            share = 1.0 if number == samples else number * step
+            here_m = at_x_m, at_y_m, at_z_m = x_m + share * dx_m, y_m + share * dy_m, z_m + share * dz_m
+            if not is_within and not (reached := is_surely_within(here_m)):
+                return reached
+            for thing in met:
+                spare_m = thing.spare_m(at_x_m, at_y_m, at_z_m)
+                if spare_m < SURE_M:
+                    return False if spare_m < -SURE_M else None
         return True
 
     def _samples(self, place: Place) -> tuple[int, float]:
@@ -155,12 +178,13 @@ def has_margin(place_m: Vector3, margin_m: float) -> bool:
     if is_sure_around(place_m, margin_m):
         return True
     x_m, y_m, z_m = place_m
-    if all(
-        is_sure_around(beside_m, 0.0)
+    found = [
+        is_surely_within(beside_m)
         for by_m in (margin_m, -margin_m)
         for beside_m in ((x_m + by_m, y_m, z_m), (x_m, y_m + by_m, z_m), (x_m, y_m, z_m + by_m))
-    ):
-        return True
+    ]
+    if False in found or None not in found:
+        return False not in found
     return bool(within_reach(np.array(place_m) + margin_m * _AXES).all())
 
 

@@ -79,6 +79,25 @@ def is_sure_around(place_m: Vector3, radius_m: float) -> bool:
     return x_m - radius_m > _CHEST_M[0] or abs(y_m) - radius_m > _CHEST_M[1] or z_m - radius_m > _CHEST_M[2]
 
 
+def is_surely_within(place_m: Vector3) -> bool | None:
+    """Whether a place is within reach, where no rounding and no joint but the elbow decides; else None."""
+    if is_sure_around(place_m, 0.0):
+        return True
+    x_m, y_m, z_m = place_m
+    beyond_m = -2.0 * SURE_M
+    if (
+        x_m - _LOW_M[0] < beyond_m
+        or _HIGH_M[0] - x_m < beyond_m
+        or y_m - _LOW_M[1] < beyond_m
+        or _HIGH_M[1] - y_m < beyond_m
+        or z_m - _LOW_M[2] < beyond_m
+        or _HIGH_M[2] - z_m < beyond_m
+    ):
+        return False
+    span = span_m(place_m)
+    return False if span - SHORTEST_M < beyond_m or LONGEST_M - span < beyond_m else None
+
+
 class Place:
     """What ways that begin or end at a place have to know of it.
 
