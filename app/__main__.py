@@ -30,6 +30,9 @@ if __name__ == "__main__" and not IS_PATH_SAFE and Path(sys.path[0]).resolve() !
 
 # Else pydantic looks for plugins, which the lab has none of, in every installed package; one broken file would stop it.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+# The matrices are small, threads that share one would only wait for each other, and the last digits of what is computed
+# would hang on the number of processors. To be set before numpy is loaded; processes that this one starts inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from app.commands import console  # noqa: E402
 from app.commands.program import run  # noqa: E402

@@ -7,7 +7,8 @@ left alone, never an error: it may end while one asks.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import gc
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +47,19 @@ class Watched:
         except psutil.Error:
             return None
         return VitalSigns(stopped, times.user + times.system)
+
+
+@contextlib.contextmanager
+def without_collections() -> Iterator[None]:
+    """Within it no garbage that lies in rings is looked for: for work that makes many values and keeps most of them,
+    where the looking takes a fifth of the time."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def kill(pid: int) -> None:

@@ -72,17 +72,24 @@ def analyze(
 
     An export whose files do not fit its `SHA256SUMS` is refused, so that no accident gets into the results unseen.
     """
-    from app.report.figure2 import heatmap_of
-    from study.analysis.analysis import analyse
-    from study.analysis.dataset import load
-    from study.analysis.report import claim, write_report
+    from concurrent.futures import ThreadPoolExecutor
+
+    from app.processes import without_collections
     from study.export.verification import refuse_changed
 
-    if directory.is_dir() and not changed:
-        refuse_changed(directory)
-    data = load(directory)
-    claim(out)  # before the work, not after it
-    print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")
+    with without_collections(), ThreadPoolExecutor(1) as beside:
+        looked = beside.submit(refuse_changed, directory) if directory.is_dir() and not changed else None
+        # Meanwhile, which takes as long: they load the statistics and the plotting.
+        from app.report.figure2 import heatmap_of
+        from study.analysis.analysis import analyse
+        from study.analysis.dataset import load
+        from study.analysis.report import claim, write_report
+
+        if looked is not None:
+            looked.result()
+        data = load(directory, as_written=not changed)
+        claim(out)  # before the work, not after it
+        print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")
 
 
 @commands.command(rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab figure2 --preset fitted --out maps")

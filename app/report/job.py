@@ -50,7 +50,7 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
             from study.analysis.figures import draw_all
             from study.analysis.report import write_drawn
 
-            data = load(package, without_unusable=True)
+            data = load(package, without_unusable=True, as_written=True)
             step(3)
             analysis = analyse(data)
         except StudyError as error:

@@ -13,8 +13,10 @@ and condition and are compared within participants: F(k - 1, (k - 1)(n - 1)), F(
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 from study.analysis import effect_sizes as effects
 from study.analysis import linear_model as statistics
@@ -26,7 +28,7 @@ from study.analysis.measures import Measures, TaskKind
 from study.analysis.mixed_model import MixedModel, mixed_model
 from study.analysis.observations import Observation, observations, survey_observations
 from study.analysis.sensitivity import LEFT_OUT, LeftOut, timed_tasks, without
-from study.analysis.summaries import Summary, summary
+from study.analysis.summaries import Summary, summarise, summary
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.questionnaires import own_instruments
 from study.records import TICK_S
@@ -64,6 +66,8 @@ Covariates = Literal["random", "fixed"]
 """How position and goal enter: random as the paper states it, or as fixed categories."""
 OBJECTIVE: tuple[MeasureId, ...] = ("belief_gain", "convergence_user_actions", "efficiency_ticks")
 COMPARED_KINDS: tuple[TaskKind, ...] = ("pickup", "all")
+AT_ONCE = 2
+"""Mixed models that are fitted at the same time: nearly all of it is matrices, during which other threads run."""
 
 
 @dataclass(frozen=True)
@@ -135,15 +139,21 @@ class Analysis:
         """The comparison of that measure and kind; None = it was not measured (such as a questionnaire not asked)."""
         return next((c for c in self.comparisons if c.measure.id == measure and c.kind == kind), None)
 
+    @cached_property
+    def summarised(self) -> dict[str, Any]:
+        """`summarise` of the data."""
+        return summarise(self.data.measures, self.data.scores)
+
 
 def analyse(data: DataSet) -> Analysis:
     """Every comparison of the paper, on any data set that `study.analysis.dataset.load` takes."""
     conditions = data.conditions
-    comparisons = [
-        compare(observations(data.measures, measure, kind), measure, kind, conditions)
-        for measure in OBJECTIVE
-        for kind in COMPARED_KINDS
-    ]
+
+    def compared(of: tuple[MeasureId, TaskKind]) -> Comparison:
+        return compare(observations(data.measures, *of), *of, conditions)
+
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        comparisons = list(pool.map(compared, [(measure, kind) for measure in OBJECTIVE for kind in COMPARED_KINDS]))
     comparisons += [
         compare(observations(data.measures, "window_rate", kind), "window_rate", kind, conditions)
         for kind in COMPARED_KINDS

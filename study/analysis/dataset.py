@@ -1,61 +1,32 @@
 """What the analysis reads of an export: completed trials measured, surveys scored, and how good the data are.
 
-Everything but `ticks.csv` is read by `study.export.export.read_table`. A thousand trials are a third of a gigabyte of
-ticks, so of those only the columns the measures need are read, and none is kept.
+Everything is read by `study.export.export.read_table`, but for the ticks, which `study.analysis.ticks` streams.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from math import isfinite
-from operator import itemgetter
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
-from study.analysis.measures import TIME_LIMIT, Measures, measure
+from study.analysis.measures import TIME_LIMIT, Measures
 from study.analysis.summaries import conditions_of
+from study.analysis.ticks import AnalysisError, Measured, measured
 from study.definition.builtin_questionnaires import Instrument
 from study.definition.files_beside import MOST_STUDY_BYTES
 from study.definition.questionnaires import own_instruments
 from study.definition.toml_reader import parse_toml
-from study.export.export import read_meta, read_table, whole_cell
+from study.export.export import read_meta, read_table
 from study.flow.answers import SurveyScore, survey_scores
 from study.flow.recorded import ARM_FREED
 from study.json_text import parse_json
-from study.records import AlertRow, EventRow, ParticipantRow, RecordProblem, StudyError, TaskRow, TrialRow
-from study.text_file import FileProblem, opened_table, read_text, table_text
-
-_FIRST_ATTEMPT = "attempt"
-"""The column that exports had not before the arm could be freed: everything in them is a first attempt."""
-_whole = lru_cache(maxsize=16_384)(whole_cell)  # few numbers stand in many cells
-_TOGETHER = 200_000
-"""So many ticks are remembered, to find one that is there twice."""
-
-
-class AnalysisError(StudyError):
-    """Data that cannot be analysed: what is wrong, and what would mend it."""
-
-
-class LightTick(NamedTuple):
-    """The part of a tick that is measured."""
-
-    participant: str
-    trial: int
-    task: int
-    tick: int
-    source: str
-    after_pause: int
-    belief: str
-    entropy: float
-    attempt: int = 1
+from study.records import AlertRow, EventRow, ParticipantRow, RecordProblem, TaskRow, TrialRow
+from study.text_file import FileProblem, read_text
 
 
 @dataclass(frozen=True)
@@ -143,11 +114,12 @@ class DataSet:
     quality: Quality = field(kw_only=True)
 
 
-def load(folder: Path | str, *, without_unusable: bool = False) -> DataSet:
+def load(folder: Path | str, *, without_unusable: bool = False, as_written: bool = False) -> DataSet:
     """Read and measure an export (of `salab export` or `salab simulate`).
 
-    `without_unusable`: participants whose record cannot be used are left out, and the notes say who and why; otherwise
-    they are an error as everything else is.
+    `as_written`: its files are known to be as they were written, such as by `refuse_changed`; then ticks are read from
+    Parquet, which is faster. `without_unusable`: participants whose record cannot be used are left out, and the notes
+    say who and why; otherwise they are an error as everything else is.
 
     Raises `StudyError` with one sentence for a folder that is none, a foreign schema version, missing columns, bad
     cells, demo data alone, no completed trial, or one condition alone.
@@ -155,14 +127,14 @@ def load(folder: Path | str, *, without_unusable: bool = False) -> DataSet:
     left_out: dict[str, str] = {}
     while True:
         try:
-            return _loaded(Path(folder), left_out)
+            return _loaded(Path(folder), left_out, as_written)
         except RecordProblem as problem:
             if not without_unusable or problem.participant in left_out:
                 raise
             left_out[problem.participant] = str(problem)
 
 
-def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
+def _loaded(folder: Path, left_out: Mapping[str, str], as_written: bool) -> DataSet:
     if not folder.is_dir():
         raise AnalysisError(f"{folder}: no such folder; give the folder that `salab export` or `salab simulate` wrote")
     meta = read_meta(folder)
@@ -196,9 +168,9 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
     _check_trials(folder, "tasks", [row for row in every_task if row.participant not in left_out], every_trial)
     tasks = [row for row in every_task if (row.participant, row.trial) in kept]
     _check_tasks(folder, trials, tasks)
-    counting = _Ticks(folder, kept, {(row.participant, row.trial) for row in every_trial})
-    with closing(counting.read()) as ticks:
-        measures = measure(tasks, ticks)
+    known = {(row.participant, row.trial) for row in every_trial}
+    passed = measured(folder, tasks, kept, known, as_written=as_written)
+    measures = passed.measures
     answers = [
         row
         for row in read_table(folder, "survey_answers")
@@ -221,7 +193,7 @@ def _loaded(folder: Path, left_out: Mapping[str, str]) -> DataSet:
     ]
     ended = _ended(conditions, trials, tasks, who_freed)
     parameters, changed = _parameters(trials)
-    quality = _quality(everyone, people, all_trials, trials, measures, scores, alerts, counting, [*notes, *changed])
+    quality = _quality(everyone, people, all_trials, trials, measures, scores, alerts, passed, [*notes, *changed])
     data = DataSet(
         name=folder.name,
         meta=meta,
@@ -246,73 +218,6 @@ def _analysed(folder: Path, everyone: list[ParticipantRow]) -> list[ParticipantR
             "export data of real or simulated participants"
         )
     return people
-
-
-class _Ticks:
-    """The ticks of the trials kept, as a stream; counts them and their pauses while they pass."""
-
-    def __init__(self, folder: Path, kept: set[tuple[str, int]], known: set[tuple[str, int]]) -> None:
-        self._folder, self._kept, self._known = folder, kept, known
-        self.ticks = 0
-        self.pauses = 0
-
-    def read(self) -> Generator[LightTick, None, None]:
-        path = self._folder / "ticks.csv"
-        try:
-            with opened_table(path, within=self._folder) as raw, table_text(raw) as file:
-                lines = csv.reader(file)
-                header = next(lines, [])
-                missing = [name for name in LightTick._fields if name not in header and name != _FIRST_ATTEMPT]
-                if missing:
-                    raise AnalysisError(f"{path}: columns missing: {', '.join(missing)}; export the data again")
-                found = [name for name in LightTick._fields if name in header]
-                cells_of = itemgetter(*map(header.index, found))
-                yield from self._of(map(cells_of, filter(None, lines)))  # some editors leave a blank one at the end
-        except AnalysisError:
-            raise
-        except (ValueError, IndexError, OSError, csv.Error) as error:
-            read_table(self._folder, "ticks")  # names the line and the cell
-            raise AnalysisError(f"{path}: cannot be read: {error}; export the data again") from None
-
-    def _of(self, lines: Iterable[tuple[str, ...]]) -> Iterator[LightTick]:
-        """What the cells of lines say, without what is not measured."""
-        seen: dict[tuple[str, str], set[str]] = {}
-        remembered = 0
-        before: tuple[str, str] | None = None
-        own, of_trial, is_kept, is_known = "", 0, False, False
-        ticks_seen: set[str] = set()
-        for participant, trial, task, tick, source, after_pause, belief, entropy, *rest in lines:
-            number, value = _whole(tick), float(entropy)
-            if number < 0 or not isfinite(value) or "_" in entropy:
-                raise ValueError("a tick is negative, or an entropy is none")
-            if (participant, trial) != before:
-                before = own, _ = participant, trial
-                ticks_seen = seen.setdefault(before, set())
-                of_trial = _whole(trial)
-                is_known, is_kept = (own, of_trial) in self._known, (own, of_trial) in self._kept
-            if tick in ticks_seen:
-                raise ValueError("a tick is there twice")
-            if remembered == _TOGETHER:
-                seen, remembered = {before: set()}, 0
-                ticks_seen = seen[before]
-            ticks_seen.add(tick)
-            remembered += 1
-            pauses, attempts = _whole(after_pause), _whole(rest[0]) if rest else 1
-            if not task:
-                continue  # resets have no task and are not measured
-            if not is_known:
-                raise AnalysisError(
-                    f"{self._folder / 'ticks.csv'}: participant {participant}, trial {of_trial} is not in trials.csv; "
-                    "export the data again"
-                )
-            if not is_kept:
-                continue
-            self.ticks += 1
-            self.pauses += pauses
-            yield _light_tick((own, of_trial, _whole(task), number, source, pauses, belief, value, attempts))
-
-
-_light_tick = LightTick._make
 
 
 def _check_participants(folder: Path, table: str, rows: Sequence[Any], everyone: Sequence[ParticipantRow]) -> None:
@@ -422,7 +327,7 @@ def _quality(
     measures: Measures,
     scores: tuple[SurveyScore, ...],
     alerts: list[AlertRow],
-    counting: _Ticks,
+    passed: Measured,
     notes: list[str],
 ) -> Quality:
     conditions = conditions_of(measures)
@@ -452,9 +357,9 @@ def _quality(
         left_out_participants=dict(Counter(row.kind for row in everyone if row.kind not in kinds)),
         trials=len(trials),
         trials_left_out=dict(Counter(row.outcome for row in all_trials if row.outcome != "completed")),
-        ticks=counting.ticks,
+        ticks=passed.ticks,
         missing_ticks=sum(task.missing_ticks for task in measures.tasks),
-        pauses=counting.pauses,
+        pauses=passed.pauses,
         overruns=sum(row.overruns for row in trials),
         position_counts=positions,
         failures=tuple(Failure(*key, count) for key, count in sorted(failed.items())),

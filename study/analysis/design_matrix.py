@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -26,7 +27,8 @@ def problem(y: FloatArray, condition: Sequence[str], levels: Sequence[str]) -> s
         return "a value is not a finite number"
     if len(levels) < 2:
         return f"values under {' and '.join(levels)} alone; at least two conditions are needed"
-    few = [level for level in levels if sum(item == level for item in condition) < 2]
+    counts = Counter(condition)
+    few = [level for level in levels if counts[level] < 2]
     if few:
         return f"fewer than 2 values under {' and '.join(few)}"
     if float(y.max() - y.min()) <= NO_VARIANCE * max(1.0, float(np.abs(y).max())):

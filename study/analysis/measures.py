@@ -24,9 +24,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby, pairwise
-from operator import attrgetter
-from typing import Any, Literal, Protocol
+from functools import cached_property
+from itertools import groupby
+from operator import attrgetter, ge
+from typing import Any, Literal, Protocol, get_args
 
 from study.records import RecordProblem, TaskRow
 
@@ -150,13 +151,26 @@ class Measures:
     not_run: tuple[TaskRow, ...] = ()
     """Dropoffs that did not follow a failed pickup."""
 
-    def analysed_tasks(self, kind: TaskKind = "all") -> list[TaskMeasures]:
+    def analysed_tasks(self, kind: TaskKind = "all") -> Sequence[TaskMeasures]:
         """The tasks that enter the analysis."""
-        return [task for task in self.tasks if task.analysed and kind in ("all", task.kind)]
+        return self._analysed[kind][0]
 
-    def analysed_windows(self, kind: TaskKind = "all") -> list[WindowMeasures]:
+    def analysed_windows(self, kind: TaskKind = "all") -> Sequence[WindowMeasures]:
         """The windows of those tasks."""
-        return [window for window in self.windows if window.analysed and kind in ("all", window.kind)]
+        return self._analysed[kind][1]
+
+    @cached_property
+    def _analysed(self) -> Mapping[TaskKind, tuple[list[TaskMeasures], list[WindowMeasures]]]:
+        """Looked for once: there are tens of thousands of windows, and every table asks."""
+        tasks = [task for task in self.tasks if task.analysed]
+        windows = [window for window in self.windows if window.analysed]
+        return {
+            kind: (
+                [task for task in tasks if kind in ("all", task.kind)],
+                [window for window in windows if kind in ("all", window.kind)],
+            )
+            for kind in get_args(TaskKind)
+        }
 
     def gains(self, kind: TaskKind = "all") -> list[WindowMeasures]:
         """The windows that *belief accuracy gain* is measured at."""
@@ -216,7 +230,8 @@ def measure(tasks: Iterable[TaskRow], ticks: Iterable[TickLike]) -> Measures:
 
 def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures, tuple[WindowMeasures, ...]]:
     """One task and its windows. `ticks` are the ticks of this task, in order."""
-    if any(later.tick <= earlier.tick for earlier, later in pairwise(ticks)):
+    numbers = [tick.tick for tick in ticks]
+    if any(map(ge, numbers, numbers[1:])):
         raise RecordProblem(
             row.participant,
             f"{_place(row)}: its ticks are out of order; sort them by participant, trial, tick",
@@ -254,15 +269,13 @@ def measure_task(row: TaskRow, ticks: Sequence[TickLike]) -> tuple[TaskMeasures,
 
 
 def _missing(row: TaskRow, ticks: Sequence[TickLike]) -> int:
-    """Ticks without a row, within each attempt and towards the task's first and last one."""
-    numbers = [(tick.attempt, tick.tick) for tick in ticks]
-    gaps = sum(
-        later - earlier - 1
-        for (before, earlier), (attempt, later) in pairwise(numbers)
-        if attempt == before and later > earlier
-    )
-    if row.first_tick is not None and row.last_tick is not None and numbers:
-        gaps += max(numbers[0][1] - row.first_tick, 0) + max(row.last_tick - numbers[-1][1], 0)
+    """Ticks without a row, within each attempt and towards the task's first and last one; they stand in order."""
+    gaps = 0
+    for _, attempt in groupby(ticks, key=attrgetter("attempt")):
+        own = list(attempt)
+        gaps += own[-1].tick - own[0].tick - (len(own) - 1)
+    if row.first_tick is not None and row.last_tick is not None and ticks:
+        gaps += max(ticks[0].tick - row.first_tick, 0) + max(row.last_tick - ticks[-1].tick, 0)
     return gaps
 
 

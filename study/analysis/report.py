@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from study.analysis.analysis import KIND_TITLES, Analysis, Comparison
-from study.analysis.dataset import AnalysisError
 from study.analysis.effect_sizes import Interval, NotFitted
 from study.analysis.ended_section import ended_section
 from study.analysis.figures import HEATMAP_NAME, Picture, draw_all
@@ -22,8 +21,8 @@ from study.analysis.measures import GAIN_ENTROPY, WINDOW_TICKS
 from study.analysis.method_text import f_test, interval, mean_sd, methods, number, p_value, settings
 from study.analysis.models_section import models_section
 from study.analysis.report_pieces import adjusted, label_of, name_of, relation, table
-from study.analysis.summaries import summarise
 from study.analysis.tables import MEASURES_FORMAT, all_tables, measures_json
+from study.analysis.ticks import AnalysisError
 from study.json_text import parse_json
 from study.text_file import read_text
 
@@ -324,7 +323,7 @@ def _trend_table(analysis: Analysis) -> str:
 
 def _counts_table(analysis: Analysis) -> str:
     rows = []
-    found = summarise(analysis.data.measures)
+    found = analysis.summarised
     for condition, of in found.items():
         for kind, title in KIND_TITLES.items():
             counts = of["tasks"][kind]["counts"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from study.analysis.measures import Measures, TaskKind, window_rates
+from study.analysis.measures import Measures, TaskKind, WindowRate, window_rates
 from study.flow.answers import SurveyScore
 from study.records import CONDITIONS
 
@@ -43,9 +43,10 @@ def conditions_of(measures: Measures) -> tuple[str, ...]:
 def summarise(measures: Measures, scores: Iterable[SurveyScore] = ()) -> dict[str, Any]:
     """Per condition and kind of task: n, mean and sd of each measure, and what was counted. Plain data for JSON."""
     scores = tuple(scores)
+    rates = {kind: window_rates(measures, kind) for kind in KINDS_OF_SUMMARY}
     return {
         condition: {
-            "tasks": {kind: _summarise_kind(measures, condition, kind) for kind in KINDS_OF_SUMMARY},
+            "tasks": {kind: _summarise_kind(measures, condition, kind, rates[kind]) for kind in KINDS_OF_SUMMARY},
             "surveys": {
                 name: vars(
                     summary([item.score for item in scores if (item.condition, item.instrument) == (condition, name)])
@@ -57,12 +58,12 @@ def summarise(measures: Measures, scores: Iterable[SurveyScore] = ()) -> dict[st
     }
 
 
-def _summarise_kind(measures: Measures, condition: str, kind: TaskKind) -> dict[str, Any]:
+def _summarise_kind(measures: Measures, condition: str, kind: TaskKind, of_all: Sequence[WindowRate]) -> dict[str, Any]:
     tasks = [task for task in measures.analysed_tasks(kind) if task.condition == condition]
     windows = [window for window in measures.analysed_windows(kind) if window.condition == condition]
     gains = [window for window in windows if window.uncertain]
     converged = [task.convergence_user_actions for task in tasks if task.convergence_user_actions is not None]
-    rates = [item.rate for item in window_rates(measures, kind) if item.condition == condition]
+    rates = [item.rate for item in of_all if item.condition == condition]
     run = [task for task in measures.tasks if task.condition == condition and kind in ("all", task.kind)]
     return {
         "efficiency_ticks": vars(summary([task.efficiency_ticks for task in tasks])),

@@ -13,7 +13,6 @@ from study.analysis.dataset import EndedSummary
 from study.analysis.effect_sizes import NotFitted
 from study.analysis.measures import TaskMeasures, WindowMeasures, window_rates
 from study.analysis.result_tables import comparisons_json, place_of, result_tables
-from study.analysis.summaries import summarise
 
 MEASURES_FORMAT = "shared-autonomy-lab measures"
 MEASURES_VERSION = 1
@@ -27,7 +26,7 @@ def measures_json(analysis: Analysis) -> str:
         "version": MEASURES_VERSION,
         "participants": data.quality.participants,
         "trials": data.quality.trials,
-        "conditions": summarise(data.measures, data.scores),
+        "conditions": analysis.summarised,
         "comparisons": comparisons_json(analysis),
     }
     return json.dumps(content, indent=2, allow_nan=False) + "\n"

@@ -7,10 +7,14 @@ alone, and says so; what CSV and Parquet refuse is the same.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
 
 from study.extras import ANALYSIS, has_extra, how_to_install
 from study.records import UTC, ColumnInfo, columns
@@ -18,7 +22,10 @@ from study.text_file import MOST_TABLE_BYTES, FileProblem, opened
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from pyarrow.parquet import ParquetFile
 
+_BATCH_ROWS = 20_000
+"""Rows that are read at a time."""
 _INT64 = range(-(2**63), 2**63)
 
 
@@ -128,13 +135,45 @@ def _field(info: ColumnInfo) -> pa.Field:
 
 def parquet_rows(path: Path) -> Iterator[dict[str, Any]]:
     """The rows of a Parquet file. Raises `ValueError` for one that cannot be read."""
+    with _readable(path) as file:
+        for batch in file.iter_batches():
+            yield from batch.to_pylist()
+
+
+def parquet_columns(path: Path, names: Sequence[str], given: str) -> Iterator[list[npt.NDArray[Any]]]:
+    """These columns of a Parquet file, some thousand rows at a time, without the rows where `given` has no value; equal
+    texts are mostly one object. Raises `ValueError` for a file that cannot be read, or lacks a column or a value."""
+    with _readable(path) as file:
+        texts = [field.name for field in file.schema_arrow if field.name in names and str(field.type) == "string"]
+        if missing := set(names) - set(file.schema_arrow.names):
+            raise ValueError(f"columns missing: {', '.join(sorted(missing))}")
+    with _readable(path, texts) as file:
+        for batch in file.iter_batches(_BATCH_ROWS, columns=list(names)):
+            columns = [(rows := batch.filter(batch.column(given).is_valid())).column(name) for name in names]
+            if any(column.null_count for column in columns):
+                raise ValueError("a value is missing")
+            if len(rows):
+                yield [_numpy(column) for column in columns]
+
+
+def _numpy(column: pa.Array) -> npt.NDArray[Any]:
+    if (words := getattr(column, "dictionary", None)) is None:
+        return np.asarray(column)
+    return np.asarray(words.to_numpy(zero_copy_only=False)[column.indices.to_numpy()])
+
+
+@contextmanager
+def _readable(path: Path, with_words: Sequence[str] = ()) -> Iterator[ParquetFile]:
+    """The file, open; columns `with_words` come as numbers into a list of their words."""
     import pyarrow as pa
     from pyarrow.parquet import ParquetFile
 
     try:
-        with opened(path, MOST_TABLE_BYTES, within=path.parent) as source, ParquetFile(source) as file:
-            for batch in file.iter_batches():
-                yield from batch.to_pylist()
+        with (
+            opened(path, MOST_TABLE_BYTES, within=path.parent) as source,
+            ParquetFile(source, read_dictionary=list(with_words)) as file,
+        ):
+            yield file
     except FileProblem as problem:
         raise ValueError(problem.reason) from None
     except (OSError, pa.ArrowException) as error:
