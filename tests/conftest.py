@@ -37,6 +37,7 @@ CHROMIUM_ARGUMENTS = [
     "--no-first-run",
 ]
 
+FEW_PICTURES = Path(__file__).with_name("support") / "few_pictures.js"
 WHOLE_STUDY = "test_study_browser.py"
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -141,6 +142,7 @@ def browser(chromium_path: Path) -> Iterator[Browser]:
 def context(browser: Browser) -> Iterator[BrowserContext]:
     """A fresh profile: no cookies, no storage, 1280x720. More pages in it are tabs of the same person."""
     fresh = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    fresh.add_init_script(path=FEW_PICTURES)
     yield fresh
     fresh.close()
 

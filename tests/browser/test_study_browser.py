@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.bullet, pytest.mark.slow]
 
-SPEED_M_S = 0.04
+SPEED_M_S = 0.06
 STEP_M = SPEED_M_S * 0.5
 
 
@@ -40,6 +40,7 @@ def short_study(tmp_path: Path) -> Path:
     for before, after in (
         ("pickups_per_trial = 3", "pickups_per_trial = 1"),
         ("every_s = 20.0", "every_s = 40.0"),
+        ("speed_m_s = 0.04", f"speed_m_s = {SPEED_M_S}"),
         ('practice_task = "round"', 'practice_task = "table"'),  # shorter: half a minute
         (text[text.index('[[conditions]]\nid = "balanced"') : text.index("[arbiter]")], ""),
     ):
