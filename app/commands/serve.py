@@ -86,8 +86,10 @@ def serve(
     Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
     """
     import asyncio
+    import gc
 
     from app.monitoring.log_setup import end_with_whole_log, set_up_logging
+    from app.processes import without_collections
     from app.worker.process_source import process_source
 
     config = LabConfig(
@@ -108,22 +110,25 @@ def serve(
     )
     with listen(config.host, config.port) as listener, closing(set_up_logging(log_format)) as lines:
         end_with_whole_log(lines)
-        # The process that sessions' processes come from makes its imports while this one makes its own.
-        process_source(chosen_robot(robot).name, start_method).tend()
-        from app.lab.lab import Lab
-        from app.web.server import create_app
+        with without_collections():
+            # The process that sessions' processes come from makes its imports while this one makes its own.
+            process_source(chosen_robot(robot).name, start_method).tend()
+            from app.lab.lab import Lab
+            from app.web.server import create_app
 
-        lab = Lab(
-            config,
-            os.environ.get("SALAB_EXPERIMENTER_TOKEN"),
-            flow=flow_of(context),
-            metrics_token=os.environ.get("SALAB_METRICS_TOKEN") or None,
-        )
-        lab.prepare()
-        if not lab.base_url:
-            address = f"[{config.host}]" if ":" in config.host else config.host
-            lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
-        asyncio.run(_run_server(lab, create_app(lab), listener))
+            lab = Lab(
+                config,
+                os.environ.get("SALAB_EXPERIMENTER_TOKEN"),
+                flow=flow_of(context),
+                metrics_token=os.environ.get("SALAB_METRICS_TOKEN") or None,
+            )
+            lab.prepare()
+            if not lab.base_url:
+                address = f"[{config.host}]" if ":" in config.host else config.host
+                lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
+            site = create_app(lab)
+            gc.freeze()  # what a lab begins with it has until it ends: no collection looks at it again
+        asyncio.run(_run_server(lab, site, listener))
 
 
 async def _run_server(lab: Lab, app: Any, listener: socket.socket) -> None:

@@ -9,6 +9,7 @@ import logging
 import secrets
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -180,11 +181,13 @@ class Lab:
         study = open_study(self.config.study_file, self.config.trust)
         if self.config.scene and (reason := why_no_look(study.view)):
             raise LabError(reason)
-        self._studies[study.hash] = study
-        self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
-        self._workers.warm_up(self.robot.name)
-        machine = fingerprint_id(machine_fingerprint())
-        self._ran_on = {**robot_facts(self.robot.name), "machine": machine}
+        with ThreadPoolExecutor(1) as beside:
+            tried = beside.submit(self._workers.warm_up, self.robot.name)
+            self._studies[study.hash] = study
+            self._setup = self._setups[study.hash] = study_setup(study, self.config.trust)
+            machine = fingerprint_id(machine_fingerprint())
+            self._ran_on = {**robot_facts(self.robot.name), "machine": machine}
+            tried.result()
         store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
         try:
             lost = [one for one in store.unreadable_sessions() if one.lacks_page]
