@@ -107,8 +107,9 @@ def compare_physics(asked: Asked, workers: int, folder: Path | None) -> Compared
     """Run everything, in so many processes. With a folder, people who are done are kept in it."""
     study = setup_of(asked.people.plan.study_text, asked.people.plan.trust).study
     conditions = tuple(item.id for item in study.conditions)
-    followed = _followed(asked, workers)
+    # First, since what is in the folder may be of other people: that is to be told before minutes of work.
     values = run_people(asked.people, asked.robots, workers, folder)
+    followed = _followed(asked, workers)
     first, *others = asked.robots
     return Compared(
         asked=asked,

@@ -193,8 +193,11 @@ class Archive:
             if not note.exists():
                 note.write_text(json.dumps(self.settings), encoding="utf-8")
             found = json.loads(note.read_text(encoding="utf-8"))
+            if not isinstance(found, dict):
+                raise ValueError("settings.json holds no settings")
         except (OSError, ValueError) as error:
-            raise LabError(f"{self.folder}: cannot be used: {error}; choose another --out") from None
+            why = getattr(error, "strerror", None) or error
+            raise LabError(f"{self.folder}: cannot be used: {why}; choose another --out") from None
         if found != self.settings:
             changed = sorted(name for name in self.settings if found.get(name) != self.settings[name])
             raise LabError(

@@ -240,8 +240,11 @@ class _Parts:
                 self.folder.mkdir()
                 note.write_text(json.dumps(settings), encoding="utf-8")
             found = json.loads(note.read_text(encoding="utf-8"))
+            if not isinstance(found, dict):
+                raise ValueError("settings.json holds no settings")
         except (OSError, ValueError) as error:
-            raise LabError(f"{self.folder}: cannot be used: {error}; remove it or choose another --out") from None
+            why = getattr(error, "strerror", None) or error
+            raise LabError(f"{self.folder}: cannot be used: {why}; remove it or choose another --out") from None
         if found != settings:
             changed = sorted(name for name in settings if found.get(name) != settings[name])
             raise LabError(

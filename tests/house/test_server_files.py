@@ -24,6 +24,11 @@ from app.config import LabConfig
 from app.limits import Limits
 from app.web.server import LET_PASS
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 ROOT = Path(__file__).resolve().parents[2]
 SERVER = ROOT / "docs" / "server"
 DOCKERFILE = (ROOT / "Dockerfile").read_text(encoding="utf-8")
@@ -96,6 +101,15 @@ def test_what_the_image_is_made_of_is_in_the_tree_and_holds_nobodys_data() -> No
     assert kept >= {"app", "sim", "study", "static", "pyproject.toml", "LICENSE"}
     assert not kept & {"data", ".venv", ".git", ".env", "tests", "docs"}
     assert not [name for name in kept if not (ROOT / name).exists()]
+
+
+def test_what_the_package_asks_for_is_there_when_the_image_is_built() -> None:
+    """A file of licences that is not there is left out of a wheel without a word."""
+    lines = (ROOT / ".dockerignore").read_text(encoding="utf-8").splitlines()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    asked = [*project["project"]["license-files"], project["project"]["readme"], *wheel["only-include"]]
+    assert [name for name in asked if f"!{name}" not in lines] == []
 
 
 # ---- compose

@@ -62,6 +62,8 @@ def test_a_tiny_study_on_two_robots(tmp_path: Path, capsys: pytest.CaptureFixtur
     report = (out / "comparison.md").read_text(encoding="utf-8")
     assert all(sentence in report for sentence in found["rule"]["sentences"])
     assert "nan" not in report and "inf" not in said.split("rule of")[0]
+    other = refused(capsys, *typed[1:], "--study", str(study), "--seed", "6", "--out", str(out))
+    assert "another seed" in other, "before anything is run: no progress was told"
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

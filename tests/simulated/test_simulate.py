@@ -15,6 +15,7 @@ import pytest
 
 from app.__main__ import main
 from app.errors import LabError
+from app.replication.studies import Archive
 from app.simulated.participant import Record
 from app.simulated.study import Plan, make_plan, run_jobs, simulate
 from app.simulated.variants import changed_study, fitted_population
@@ -111,6 +112,26 @@ def test_what_waits_of_another_simulation_is_not_mixed_in(tmp_path: Path) -> Non
     (part / "settings.json").write_text(json.dumps(small_plan(8).settings()))
     with pytest.raises(LabError, match=r"unfinished simulation with another seed"):
         simulate(small_plan(7), 1, 1, tmp_path / "out", "fitted")
+
+
+@pytest.mark.parametrize(
+    ("inside", "why"),
+    [(None, "Not a directory"), ("[1, 2]", "settings.json holds no settings"), ("{", "Expecting property name")],
+)
+def test_what_waits_and_cannot_be_read_is_one_plain_line(tmp_path: Path, inside: str | None, why: str) -> None:
+    part = tmp_path / "out.part"
+    if inside is None:
+        part.write_text("a file of somebody's")
+    else:
+        part.mkdir()
+        (part / "settings.json").write_text(inside)
+    with pytest.raises(LabError) as caught:
+        simulate(small_plan(), 1, 1, tmp_path / "out", "fitted")
+    assert f"{part}: cannot be used: {why}" in str(caught.value) and "Errno" not in str(caught.value)
+    kept = Archive(part, {"seed": 1})
+    with pytest.raises(LabError) as caught:
+        kept.open()
+    assert "cannot be used: " in str(caught.value) and "Errno" not in str(caught.value)
 
 
 def test_presets_are_study_files_of_their_own() -> None:
