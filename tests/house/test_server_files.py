@@ -112,6 +112,12 @@ def test_what_the_package_asks_for_is_there_when_the_image_is_built() -> None:
     assert [name for name in asked if f"!{name}" not in lines] == []
 
 
+def test_no_command_of_the_documentation_wants_one_python_of_many() -> None:
+    """A fresh server has the Python of its system: 3.10 on Ubuntu 22.04, 3.12 on 24.04, 3.13 on Debian 13."""
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        assert not re.findall(r"python3\.\d+ -m venv", page.read_text(encoding="utf-8")), page.name
+
+
 # ---- compose
 
 
