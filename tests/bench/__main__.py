@@ -49,6 +49,13 @@ def pictures() -> Iterable[Figure]:
     return picture_figures()
 
 
+def press() -> Iterable[Figure]:
+    """from a press to the robot's first motion and to the first changed picture, in a browser"""
+    from tests.bench.press import press_figures
+
+    return press_figures()
+
+
 def depth() -> Iterable[Figure]:
     """objects picked up by somebody who sees the pictures alone, with the inset and without"""
     from tests.bench.depth import depth_figures
@@ -100,7 +107,21 @@ def whole() -> Iterable[Figure]:
 
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
     part.__name__: part
-    for part in (decision, robots, physics, live, pictures, depth, lockstep, start, study, analysis, replication, whole)
+    for part in (
+        decision,
+        robots,
+        physics,
+        live,
+        pictures,
+        press,
+        depth,
+        lockstep,
+        start,
+        study,
+        analysis,
+        replication,
+        whole,
+    )
 }
 ON_REQUEST = ("whole",)
 
