@@ -9,12 +9,14 @@ macOS has fork servers, but its own libraries start threads that a fork does not
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import multiprocessing
 import os
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -73,11 +75,12 @@ class ProcessSource:
         """Have a fork server make its imports now, so that the first session does not wait for them, and try the robot.
 
         Raises `LabError` with one line for a robot that cannot be made: it is tried there, since this process must
-        never load physics.
+        never load physics. So it does where the temporary folder's name is too long for a socket, as on a cluster.
         """
         ours, theirs = self.pipe(duplex=False)
         process = self.process(_try_robot, robot, theirs)
-        process.start()
+        with _too_long_said():
+            process.start()
         theirs.close()
         with ours:
             try:
@@ -90,11 +93,28 @@ class ProcessSource:
             raise LabError(problem)
 
     def tend(self) -> None:
-        """Start another fork server when the present one died: then its imports are made before a worker is needed."""
+        """Start another fork server when the present one died: then its imports are made before a worker is needed.
+
+        Raises `LabError` as `warm_up` does.
+        """
         if self.method == "forkserver":
             from multiprocessing import forkserver
 
-            forkserver.ensure_running()
+            with _too_long_said():
+                forkserver.ensure_running()
+
+
+@contextlib.contextmanager
+def _too_long_said() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        if "AF_UNIX" not in str(error):
+            raise
+        raise LabError(
+            f"{tempfile.gettempdir()}: too long a name for the sockets of processes; set TMPDIR to a shorter one, "
+            "such as /tmp, or take --start-method spawn"
+        ) from None
 
 
 def process_source(robot: str, start_method: StartMethod = "auto") -> ProcessSource:

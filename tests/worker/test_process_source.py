@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -41,6 +42,23 @@ def test_a_spawned_process_tries_a_robot_and_answers() -> None:
         source.warm_up("sawyer")
     assert why_no_process(source) == ""
     source.tend()
+
+
+def test_a_temporary_folder_too_long_for_sockets_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a cluster. Linux takes 108 bytes."""
+
+    def no_socket() -> None:
+        raise OSError("AF_UNIX path too long")
+
+    source = process_source("kinematic")
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path / ("long" * 30)))
+    monkeypatch.setattr("multiprocessing.forkserver._forkserver.ensure_running", no_socket)
+    monkeypatch.setattr("multiprocessing.forkserver.ensure_running", no_socket)
+    with pytest.raises(
+        LabError, match=r"longlong: too long a name .*; set TMPDIR to a shorter one, .*spawn$"
+    ) as caught:
+        source.warm_up("kinematic")
+    assert "\n" not in str(caught.value)
 
 
 def test_where_there_is_no_fork_server_a_start_is_waited_for_and_nothing_is_ended(
