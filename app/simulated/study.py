@@ -14,10 +14,11 @@ import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from itertools import islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,6 +43,8 @@ from study.store import machine_fingerprint
 MAX_PARTICIPANTS = 9999
 MAX_WORKERS = 256
 MAX_SEED = 2**63 - 1
+AHEAD = 3
+"""Jobs for each process that it has been given or is doing: none waits, and ten thousand are not held."""
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -152,10 +155,13 @@ def run_jobs(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -
         return
     processes = min(workers, len(jobs))
     with ProcessPoolExecutor(processes, get_context("spawn"), _begin_process) as pool:
-        running = {pool.submit(work, job): job for job in jobs}
+        ahead = iter(jobs)
+        running = {pool.submit(work, job): job for job in islice(ahead, AHEAD * processes)}
         try:
-            for future in as_completed(running):
-                yield running.pop(future), future.result()
+            while running:
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    running.update((pool.submit(work, job), job) for job in islice(ahead, 1))
+                    yield running.pop(future), future.result()
         except BrokenProcessPool:
             raise LabError("a process ended unexpectedly (out of memory?); start again, what is done is kept") from None
         finally:

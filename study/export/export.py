@@ -63,8 +63,10 @@ _WRITERS: Mapping[str, Any] = {"int": int, "float": float, "str": _text}
 _AS_IT_IS: Mapping[str, Any] = {**_WRITERS, "str": str}
 WITH_PARQUET = "parquet"
 """In `meta.json` false where no Parquet was written beside the CSV; else it is not named."""
-_BATCH_ROWS = 20_000
-"""Rows that are written at a time, column by column: the groups of rows in the Parquet files."""
+_GROUP_ROWS = 20_000
+"""The groups of rows in the Parquet files."""
+_AT_ONCE = 1_000
+"""Rows that are held and written at a time, column by column; groups are whole multiples."""
 
 
 def whole_cell(cell: str) -> int:
@@ -433,7 +435,13 @@ def _write_table(
     ):
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(names)
-        while batch := list(islice(stream, _BATCH_ROWS)):
+        read = 0
+        while batch := list(islice(stream, _AT_ONCE)):
+            if read and read % _GROUP_ROWS == 0:
+                parquet.end_group()
+                if told is not None:
+                    told(table, count)
+            read += len(batch)
             for row in batch:
                 if not isinstance(row, row_type):
                     raise ExportError(f"table {table} takes {row_type.__name__}, not {type(row).__name__}")
@@ -450,8 +458,8 @@ def _write_table(
             lines.writerows(zip(*shown, strict=True))
             parquet.add(arrays)
             count += len(batch)
-            if told is not None:
-                told(table, count)
+    if told is not None and read:
+        told(table, count)
     return count
 
 

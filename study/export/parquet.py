@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from pyarrow.parquet import ParquetFile
 
-_BATCH_ROWS = 20_000
+_READ_ROWS = 20_000
 """Rows that are read at a time."""
 _INT64 = range(-(2**63), 2**63)
 
@@ -54,7 +54,11 @@ class TableBeside(Protocol):
         ...
 
     def add(self, arrays: Sequence[Any]) -> None:
-        """Write what `arrays` has made."""
+        """What `arrays` has made belongs to the group of rows under way."""
+        ...
+
+    def end_group(self) -> None:
+        """Write the group of rows; the next one begins. Closing writes the last one."""
         ...
 
 
@@ -90,6 +94,9 @@ class NoTable:
     def add(self, arrays: Sequence[Any]) -> None:
         """Nothing to write."""
 
+    def end_group(self) -> None:
+        """Nothing to write."""
+
 
 class ParquetTable:
     """One recorded table on its way into a Parquet file."""
@@ -101,12 +108,17 @@ class ParquetTable:
         self._infos = columns(table)
         self._schema = pa.schema([_field(info) for info in self._infos])
         self._writer = ParquetWriter(path, self._schema)
+        self._group: list[list[pa.Array]] = []
 
     def __enter__(self) -> ParquetTable:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._writer.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None:
+                self.end_group()
+        finally:
+            self._writer.close()
 
     def arrays(self, cells: Sequence[Sequence[Any]]) -> list[pa.Array]:
         """As `TableBeside.arrays`."""
@@ -118,10 +130,17 @@ class ParquetTable:
         ]
 
     def add(self, arrays: Sequence[pa.Array]) -> None:
-        """Write what `arrays` has made."""
+        """Hold what `arrays` has made, a fraction of what the rows take, for the group of rows under way."""
+        self._group.append(list(arrays))
+
+    def end_group(self) -> None:
+        """Write what is held as a group of rows."""
         import pyarrow as pa
 
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+        if self._group:
+            columns = [pa.concat_arrays(pieces) for pieces in zip(*self._group, strict=True)]
+            self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema))
+            self._group.clear()
 
 
 def _field(info: ColumnInfo) -> pa.Field:
@@ -148,7 +167,7 @@ def parquet_columns(path: Path, names: Sequence[str], given: str) -> Iterator[li
         if missing := set(names) - set(file.schema_arrow.names):
             raise ValueError(f"columns missing: {', '.join(sorted(missing))}")
     with _readable(path, texts) as file:
-        for batch in file.iter_batches(_BATCH_ROWS, columns=list(names)):
+        for batch in file.iter_batches(_READ_ROWS, columns=list(names)):
             columns = [(rows := batch.filter(batch.column(given).is_valid())).column(name) for name in names]
             if any(column.null_count for column in columns):
                 raise ValueError("a value is missing")

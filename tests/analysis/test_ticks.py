@@ -52,7 +52,7 @@ def test_what_is_as_it_was_written_needs_no_csv_of_ticks(
     export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = packed_alone(export, tmp_path / "packed")
-    monkeypatch.setattr("study.export.parquet._BATCH_ROWS", 37)  # a trial goes on in the next rows
+    monkeypatch.setattr("study.export.parquet._READ_ROWS", 37)  # a trial goes on in the next rows
     assert told(load(folder, as_written=True)) == told(load(export))
     with pytest.raises(StudyError, match=r"ticks\.csv"):
         load(folder)

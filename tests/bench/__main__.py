@@ -1,6 +1,6 @@
 """Figures, not tests: `python -m tests.bench [PART ...]`, which is what `make bench` runs.
 
-Without arguments all parts run (about eight minutes), except the one that takes as long again: name it, or say `--all`.
+Without arguments all parts run (about eight minutes), except those that take as long again: name them, or say `--all`.
 """
 
 from __future__ import annotations
@@ -98,6 +98,13 @@ def replication() -> Iterable[Figure]:
     return replication_figures()
 
 
+def memory() -> Iterable[Figure]:
+    """what simulating and replicating take of memory, for a hundred trials and for a thousand"""
+    from tests.bench.study import memory_figures
+
+    return memory_figures()
+
+
 def whole() -> Iterable[Figure]:
     """two hundred simulated studies on two cores, all of them"""
     from tests.bench.study import whole_figures
@@ -105,25 +112,9 @@ def whole() -> Iterable[Figure]:
     return whole_figures()
 
 
-PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
-    part.__name__: part
-    for part in (
-        decision,
-        robots,
-        physics,
-        live,
-        pictures,
-        press,
-        depth,
-        lockstep,
-        start,
-        study,
-        analysis,
-        replication,
-        whole,
-    )
-}
-ON_REQUEST = ("whole",)
+USUAL = (decision, robots, physics, live, pictures, press, depth, lockstep, start, study, analysis, replication)
+PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {part.__name__: part for part in (*USUAL, memory, whole)}
+ON_REQUEST = ("memory", "whole")
 
 
 def main() -> None:

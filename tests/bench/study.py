@@ -82,6 +82,32 @@ def whole_figures() -> Iterator[Figure]:
     )
 
 
+def memory_figures() -> Iterator[Figure]:
+    """What `salab simulate` and `salab replicate` take at most, by trials of one pickup."""
+    with tempfile.TemporaryDirectory() as folder:
+        study = Path(folder) / "study.toml"
+        shipped = (ROOT / "study" / "definition" / "default.toml").read_text(encoding="utf-8")
+        study.write_text(shipped.replace("pickups_per_trial = 3", "pickups_per_trial = 1"), encoding="utf-8")
+        for people in (34, 334):
+            options = ("--study", str(study), "--out", str(Path(folder) / str(people)))
+            took = _peak_mb("simulate", "--participants", str(people), *options)
+            yield Figure(f"salab simulate --participants {people}, one pickup a trial", f"{took:.0f} MB at most")
+        for studies in (3, 28):
+            took = _peak_mb("replicate", "--studies", str(studies), "--vary", "0", "--study", str(study))
+            yield Figure(f"salab replicate --studies {studies} --vary 0, one pickup a trial", f"{took:.0f} MB at most")
+
+
+def _peak_mb(*arguments: str) -> float:
+    """Run the command in one process; the most memory that it had."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "app", *arguments], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    if status:
+        raise RuntimeError(f"salab {' '.join(arguments)} ended with {os.waitstatus_to_exitcode(status)}")
+    return used.ru_maxrss / 1e3
+
+
 def _salab(*arguments: str) -> Took:
     """Run the command."""
     before, started_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()

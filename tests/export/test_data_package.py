@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import pandas as pd
 import pyarrow.parquet as parquet
@@ -16,7 +18,7 @@ from frictionless.resources import TableResource
 from study.definition.builtin_questionnaires import INSTRUMENTS
 from study.export.csv_words import HOW_TO_READ, text_of
 from study.export.export import export, write_tables
-from study.records import KEYS, TABLES, columns
+from study.records import KEYS, TABLES, TickRow, columns
 from study.store import open_store
 from tests.export.test_export import fill
 from tests.support.study_samples import answer_row, shipped_study, task_row, tick_row, trial_row
@@ -177,8 +179,30 @@ def test_what_was_asked_comes_along_with_anchors_and_scoring(package: Path) -> N
     assert [item["id"] for item in study["debrief"]] == ["comments", "problems"]
 
 
+@pytest.mark.parametrize("count", [100, 1000])
+def test_a_table_is_written_without_being_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    monkeypatch.setattr("study.export.export._AT_ONCE", 10)
+    monkeypatch.setattr("study.export.export._GROUP_ROWS", 30)
+    alive: WeakSet[TickRow] = WeakSet()
+    most = 0
+
+    def rows() -> Iterator[TickRow]:
+        nonlocal most
+        for number in range(count):
+            row = tick_row("P001", number)
+            alive.add(row)
+            most = max(most, len(alive))
+            yield row
+
+    write_tables(tmp_path, {"ticks": rows(), "trials": [trial_row("P001")], "tasks": [task_row("P001", 1)]})
+    assert most <= 2 * 10 + 1, "those being written, and those that come"
+    groups = parquet.ParquetFile(tmp_path / "ticks.parquet").metadata
+    assert {groups.row_group(group).num_rows for group in range(groups.num_row_groups)} == {30, count % 30}
+
+
 def test_a_table_longer_than_a_batch_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("study.export.export._BATCH_ROWS", 3)
+    monkeypatch.setattr("study.export.export._AT_ONCE", 3)
+    monkeypatch.setattr("study.export.export._GROUP_ROWS", 6)
     rows = [tick_row("P001", n, started_utc="2026-01-01T10:00:00Z") for n in range(8)]
     write_tables(tmp_path, {"ticks": rows, "trials": [trial_row("P001")], "tasks": [task_row("P001", 1)]})
     packed = pd.read_parquet(tmp_path / "ticks.parquet")

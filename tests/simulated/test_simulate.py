@@ -7,9 +7,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from weakref import WeakSet
 
 import pytest
 
@@ -17,12 +19,12 @@ from app.__main__ import main
 from app.errors import LabError
 from app.replication.studies import Archive
 from app.simulated.participant import Record
-from app.simulated.study import Plan, make_plan, run_jobs, simulate
+from app.simulated.study import AHEAD, Plan, make_plan, run_jobs, simulate
 from app.simulated.variants import changed_study, fitted_population
 from app.trial.world import open_study
 from study.definition.study import orders
 from study.export.export import read_meta, read_table
-from study.records import TABLES
+from study.records import TABLES, row_of
 from tests.support.jobs import dies, fails_at_two
 from tests.support.study_samples import small_study
 
@@ -167,6 +169,45 @@ def test_what_fails_in_a_process_fails_the_whole(workers: int) -> None:
 def test_a_process_that_dies_is_told_in_a_line() -> None:
     with pytest.raises(LabError, match="what is done is kept"):
         list(run_jobs(dies, [1, 2], 2))
+
+
+class Taken(list[int]):
+    """Jobs, and how many of them have been asked for."""
+
+    taken = 0
+
+    def __iter__(self) -> Iterator[int]:
+        for job in super().__iter__():
+            self.taken += 1
+            yield job
+
+
+def test_no_more_jobs_are_given_out_than_keep_the_processes_busy() -> None:
+    jobs, ahead = Taken(range(10, 40)), []
+    for done, (job, result) in enumerate(run_jobs(fails_at_two, jobs, 2)):
+        assert job == result
+        ahead.append(jobs.taken - done)
+    assert jobs.taken == len(ahead) == 30 and max(ahead) <= 2 * AHEAD + 1
+
+
+@pytest.mark.parametrize("people", [2, 5])
+def test_rows_are_not_held_however_many_people_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, people: int
+) -> None:
+    monkeypatch.setattr("study.export.export._AT_ONCE", 50)
+    alive: WeakSet[Any] = WeakSet()
+    most = made = 0
+
+    def counted(*given: Any) -> Any:
+        nonlocal most, made
+        row = row_of(*given)
+        alive.add(row)
+        most, made = max(most, len(alive)), made + 1
+        return row
+
+    monkeypatch.setattr("app.simulated.study.row_of", counted)
+    simulate(small_plan(), people, 1, tmp_path / "out", "fitted")
+    assert made > people * 300 and most <= 2 * 50 + 1
 
 
 LEFT_ALONE = """
