@@ -9,7 +9,9 @@ PYTHON ?=
 VENV   := .venv
 PY     := $(VENV)/bin/python
 CHECK_JS := $(PY) -m tests.javascript.check
-ON_ALL_CORES := --numprocesses auto --dist loadscope
+# One more process than cores: much of a test is waiting for a lab that starts, or for a tick.
+CORES_AND_ONE := $$($(PY) -c 'import os; print(1 + os.cpu_count())')
+ON_ALL_CORES := --numprocesses $(CORES_AND_ONE) --dist loadscope
 # What is imported is compiled then; compiling all of it takes as long as installing it, and a hundred MB.
 PIP    := $(PY) -m pip --disable-pip-version-check install --quiet --no-compile
 # pybullet comes with 170 MB of other robots, examples and a renderer, none of which is opened here.
@@ -79,10 +81,11 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, the tes
 	@$(CHECK_JS)
 	@echo "== pytest: what needs no browser, on all cores"
 	@$(PY) -m pytest $(ON_ALL_CORES) -m "not browser and not long"
-	@echo "== pytest: what drives a browser, file by file, two at a time"
-	@$(PY) -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m "browser and not long"
+	@echo "== pytest: what drives a browser, file by file"
+	@$(PY) -m pytest --numprocesses $(CORES_AND_ONE) --dist loadfile --no-loadscope-reorder -m "browser and not long"
 
 test-long: $(VENV)/.installed-test ## the other cases of those kinds that `make test` has examples of
+	@$(PY) -m tests.support.chromium
 	@$(PY) -m pytest $(ON_ALL_CORES) -m long
 
 test-fast: $(VENV)/.installed-test ## the quick tests: no browser, no physics, no lab that runs, nothing slow
