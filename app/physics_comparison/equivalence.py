@@ -31,22 +31,31 @@ Verdict = Literal["interchangeable", "effects carry over", "differs", "not shown
 @dataclass(frozen=True)
 class Difference:
     """A difference over people, the other robot's less the first's, with its standard error; NaN where fewer than two
-    people tell."""
+    people tell. `attempts`: of an outcome, how many there were on each robot."""
 
     people: int
     mean: float
     error: float
+    attempts: int = 0
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Difference:
+    def of(cls, values: Sequence[float], attempts: int = 0) -> Difference:
         """Of one value a person."""
         mean, spread = _spread(values)
-        return cls(len(values), mean, spread / math.sqrt(len(values)) if len(values) > 1 else math.nan)
+        return cls(len(values), mean, spread / math.sqrt(len(values)) if len(values) > 1 else math.nan, attempts)
+
+    @property
+    def has_no_spread(self) -> bool:
+        """An outcome that never came out differently: Student's interval would have no width, however few tell."""
+        return self.error == 0.0 and self.attempts > 0
 
     def reach(self, confidence: float) -> float:
-        """Half of Student's interval of that confidence."""
+        """Half of Student's interval of that confidence; of an outcome without spread the share that so many attempts
+        without a difference do not rule out (the exact binomial bound, of which the rule of three is a short form)."""
         if self.people < 2:
             return math.nan
+        if self.has_no_spread:
+            return float(1.0 - ((1.0 - confidence) / 2.0) ** (1.0 / self.attempts))
         return float(stats.t.ppf(0.5 + confidence / 2.0, self.people - 1)) * self.error
 
     def shown(self, bound: float, alpha: float, tests: int) -> Shown:
@@ -61,6 +70,8 @@ class Difference:
         spare = bound - abs(self.mean)
         if self.people < 2:
             return math.nan
+        if self.has_no_spread and 0.0 < spare < 1.0:
+            return math.ceil(self.people / self.attempts * math.log(alpha) / math.log(1.0 - spare))
         return math.ceil(self.people * (self.reach(1.0 - 2.0 * alpha) / spare) ** 2) if spare > 0.0 else math.inf
 
 
@@ -112,7 +123,8 @@ def equivalences(
     found = []
     for key in (*MEASURES, *OUTCOMES, *BLOCKED):
         here, there = _means(first, key, conditions), _means(other, key, conditions)
-        levels = tuple(_levels(here, there, (EVERY, *conditions) if key in OUTCOMES else conditions))
+        attempts = min(len(one.observations[key]) for one in (first, other)) if key in OUTCOMES else 0
+        levels = tuple(_levels(here, there, (EVERY, *conditions) if key in OUTCOMES else conditions, attempts))
         effects = () if key in OUTCOMES else tuple(_effects(here, there, conditions))
         bound = (
             by.outcome if key in OUTCOMES else math.nan if key in BLOCKED else _bound(here, effects, participants, by)
@@ -135,11 +147,12 @@ def _means(values: Values, key: Key, conditions: Sequence[str]) -> PersonMeans:
     return {place: {who: math.fsum(of) / len(of) for who, of in people.items()} for place, people in found.items()}
 
 
-def _levels(here: PersonMeans, there: PersonMeans, places: Sequence[str]) -> Iterator[Level]:
+def _levels(here: PersonMeans, there: PersonMeans, places: Sequence[str], attempts: int) -> Iterator[Level]:
     for place in places:
         both = sorted(here[place].keys() & there[place].keys())
         one, two = ([of[place][who] for who in both] for of in (here, there))
-        yield Level(place, _spread(one), _spread(two), Difference.of(np.subtract(two, one).tolist()))
+        of_this = attempts if place == EVERY else 0  # the one that is tested
+        yield Level(place, _spread(one), _spread(two), Difference.of(np.subtract(two, one).tolist(), of_this))
 
 
 def _effects(here: PersonMeans, there: PersonMeans, conditions: Sequence[str]) -> Iterator[Effect]:

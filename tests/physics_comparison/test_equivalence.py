@@ -114,3 +114,15 @@ def test_the_rule_names_the_numbers_that_it_tests_with() -> None:
         assert str(number).removeprefix("0") in told
     assert rule().quantile == rule().same_choices == 0.99 and told.count("99 of 100") == 2
     assert rule().sha256 in hash_line()
+
+
+def test_an_outcome_that_never_differs_is_shown_by_many_attempts_and_not_by_few() -> None:
+    def picked(people: int) -> Equivalence:
+        found = equivalences("other", values(people), values(people, seed=2), CONDITIONS, participants=12)
+        return next(one for one in found if one.key == ("picked", "pickup"))
+
+    few, many = picked(2), picked(20)  # 18 and 180 attempts, all of them successes on both robots
+    assert (few.verdict, many.verdict) == ("not shown", "interchangeable")
+    assert few.people_needed == math.ceil(59 / 9)
+    assert many.levels[0].difference.reach(0.9) == pytest.approx(1.0 - 0.05 ** (1.0 / 180.0))
+    assert 0.95**59 < 0.05 < 0.95**58
