@@ -128,7 +128,9 @@ class Registry:
         try:
             loaded = reduce(getattr, attribute.split("."), importlib.import_module(module))
         except (Exception, SystemExit) as error:  # somebody else's code may raise whatever it likes
-            raise PartError(f"{called} cannot be loaded: {type(error).__name__}: {one_line(error)}") from error
+            told = f"{called} cannot be loaded: {type(error).__name__}: {one_line(error)}"
+            library = self.libraries.get(name)
+            raise PartError(f"{told}; {library.remedy}" if library else told) from error
         self.check(loaded, called)
         return loaded
 
