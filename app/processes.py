@@ -14,6 +14,8 @@ from typing import Any
 
 import psutil
 
+from app import container
+
 
 @dataclass(frozen=True)
 class VitalSigns:
@@ -152,13 +154,15 @@ def busy_cpu_s() -> float:
 
 
 def memory_bytes() -> int:
-    """How much memory the machine has."""
-    return int(psutil.virtual_memory().total)
+    """How much memory there is for this process: the machine's, or what its container is given of it."""
+    total = int(psutil.virtual_memory().total)
+    return min(total, container.given_memory_bytes() or total)
 
 
 def free_bytes() -> int:
     """How much of it could be had now, by the system's own estimate."""
-    return int(psutil.virtual_memory().available)
+    available, given = int(psutil.virtual_memory().available), container.free_memory_bytes()
+    return available if given is None else min(available, given)
 
 
 def can_keep_to_cores() -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+from app.container import given_cores
 from app.processes import memory_bytes
 from study.store import machine_fingerprint
 
@@ -20,8 +21,9 @@ def core_numbers() -> tuple[int, ...]:
 
 
 def cores() -> int:
-    """How many there are."""
-    return len(core_numbers())
+    """How many there are for it: as many whole ones as its container is given, if it is given fewer."""
+    given = given_cores()
+    return len(core_numbers()) if given is None else max(1, min(len(core_numbers()), int(given)))
 
 
 def open_files() -> int:

@@ -39,6 +39,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("app.texts",),
     ("app.limits",),
     ("app.errors", "app.processes", "app.static_folder"),
+    ("app.container",),
     # the study: what is asked, recorded, kept and analysed
     ("study.analysis",),
     ("study.export",),
