@@ -55,6 +55,28 @@ _STATIC_GROUP, _ARM_GROUP, _FLOOR_GROUP = 2, 64, 128
 """Collision groups; the first is bullet's own."""
 
 
+class Connections:
+    """Connections to pybullet's physics, of which it keeps a table for each process, and so do we.
+
+    One takes 30 MB, nearly all of it never written to. Processes that are forked from one that has a connection ready
+    share these; each has the connection for itself, in its first state.
+    """
+
+    def __init__(self) -> None:
+        self._ready: list[int] = []
+
+    def make_ready(self) -> None:
+        """Connect now, for whoever is forked from this process."""
+        self._ready.append(pybullet.connect(pybullet.DIRECT))
+
+    def take(self) -> int:
+        """One that nobody has used: the one that is ready, else a new one."""
+        return self._ready.pop() if self._ready else int(pybullet.connect(pybullet.DIRECT))
+
+
+CONNECTIONS = Connections()
+
+
 class BulletRobot(PhysicalRobot):
     """The `Robot` with pybullet's physics."""
 
@@ -73,7 +95,7 @@ class BulletRobot(PhysicalRobot):
 
     def _build(self, scene: SceneSpec, joints_rad: ik.Joints) -> list[Body]:
         if self._client is None:
-            self._client = pybullet.connect(pybullet.DIRECT)
+            self._client = CONNECTIONS.take()
         self._steps = STEPS_PER_SLICE
         pybullet.resetSimulation(physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(

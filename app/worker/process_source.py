@@ -41,6 +41,8 @@ PRELOADED = ("app.worker.worker", "sim.view.scene", "sim.view.spectator", "sim.v
 BY_VISER = ("rich.panel", "rich.table", "rich._emoji_codes")
 """What viser imports when a server begins, for a banner that nobody sees: 50 ms of each session. A name that is not
 there is passed by."""
+READY = {"bullet": ("sim.bullet_ready",)}
+"""What a robot has ready before processes are forked, whose memory they share."""
 FIRST, LAST = "app.worker.uncollected", "app.worker.shared_memory"
 """What stands before and after the imports."""
 
@@ -120,7 +122,7 @@ def _too_long_said() -> Iterator[None]:
 def process_source(robot: str, start_method: StartMethod = "auto") -> ProcessSource:
     """Where processes come from. Call before this one has threads. Raises `LabError` for a method that this system does
     not have, and `PartError` for no robot."""
-    preloaded = [FIRST, *PRELOADED, *BY_VISER, ROBOTS.module_of(robot), LAST]
+    preloaded = [FIRST, *PRELOADED, *BY_VISER, ROBOTS.module_of(robot), *READY.get(robot, ()), LAST]
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     known = multiprocessing.get_all_start_methods()
     if start_method not in ("auto", *known):

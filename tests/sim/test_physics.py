@@ -182,3 +182,29 @@ def test_what_is_held_stays_where_it_is_held(robot: Robot) -> None:
         state = run_tick(robot, still())[1]
     assert state.held == "sponge_pack"
     assert math.dist(before_m, state.objects[0].pose.position_world_m) < 2e-4  # contacts that give would creep for ever
+
+
+FORKED = """
+import json, multiprocessing
+import sim.bullet_ready
+from tests.sim.test_physics import digests
+
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    found = pool.map(digests, ["bullet"] * 2, chunksize=1)
+print(json.dumps([*found, digests("bullet")]))
+"""
+
+
+@pytest.mark.bullet
+def test_who_is_forked_with_a_connection_that_was_ready_moves_the_robot_the_same() -> None:
+    done = subprocess.run([sys.executable, "-c", FORKED], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == [digests("bullet")] * 3
+
+
+@pytest.mark.bullet
+def test_a_connection_that_was_ready_is_taken_once() -> None:
+    from sim.bullet import Connections
+
+    connections = Connections()
+    connections.make_ready()
+    assert len({connections.take() for _ in range(3)}) == 3
