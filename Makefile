@@ -72,6 +72,7 @@ test: $(VENV)/.installed-test ## everything: linters, formatting, types, the tes
 	@echo "== a browser for the tests"
 	@$(PY) -m tests.support.chromium
 	@$(PY) -m tests.support.real_keys
+	@$(PY) -m tests.support.postgres_server
 	@echo "== ruff"
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
@@ -141,5 +142,5 @@ $(VENV)/.installed: pyproject.toml
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	@echo "== installing what the tests and the documentation need"
-	@$(PIP) --editable '.[bullet,analysis,meshes,test,docs]'
+	@$(PIP) --editable '.[bullet,analysis,postgres,meshes,test,docs]'
 	@touch $@

@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None, flow: Flow | None = None) -> in
         return status
     except (LabError, StudyError) as error:
         console.complain(error)
-        return 1
+        return getattr(error, "exit_status", 1)
     except ModuleNotFoundError as error:
         what = missing_extra(error)
         if what is None:

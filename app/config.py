@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 from app.errors import LabError
 from app.limits import Limits
 from app.monitoring.log_lines import LogFormat
+from study.store import DataPlace
 
 Pace = Literal["real_time", "lockstep"]
 """`real_time`: a tick every half a second. `lockstep`: one whenever its input arrives."""
@@ -61,7 +62,9 @@ class LabConfig:
     """How one lab runs. The command line's options have the same names."""
 
     data_dir: Path = Path("data")
-    """Folder of the database."""
+    """Folder of the database, or of the lab's own files where the database is on a server."""
+    database_url: str | None = field(default=None, repr=False)
+    """Address of a PostgreSQL database; None = one in the folder."""
     host: str = "127.0.0.1"
     """Address to listen on; anything but loopback is an explicit choice."""
     port: int = 8000
@@ -98,3 +101,8 @@ class LabConfig:
     itself."""
     worker_restarts: int = 3
     """How often a crashed worker is replaced within one trial before the session is paused for the experimenter."""
+
+    @property
+    def data(self) -> DataPlace:
+        """Where the data are."""
+        return DataPlace(self.data_dir, self.database_url)

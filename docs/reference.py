@@ -252,12 +252,15 @@ def command_line() -> str:
 
 OPTION_OF_SETTING: Mapping[str, str] = {
     "data_dir": "--data",
+    "database_url": "--data",
     "study_file": "--study",
     "scene": "--no-scene",
     "trusted_proxies": "--trusted-proxy",
     "limits": "--limit",
 }
 """Options of `salab serve` that are not called as their setting is."""
+BESIDE_ANOTHER = frozenset({"--folder"})
+"""Options that say `data_dir` where the option that usually does says something else."""
 
 
 def settings() -> str:

@@ -15,6 +15,7 @@ ANALYSIS = "analysis"
 EXTRAS: Mapping[str, tuple[str, ...]] = {
     ANALYSIS: ("scipy", "matplotlib", "pyarrow"),
     "bullet": ("pybullet",),
+    "postgres": ("psycopg",),
 }
 """Name of the extra to the modules that the lab imports of it."""
 

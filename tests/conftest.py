@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from app.trial.robots import ROBOTS
-from tests.support import chromium
+from tests.support import chromium, postgres_server
 from tests.support import lab_server as labs
 from tests.support.lab_server import LabServer
 from tests.support.long_cases import is_long
+from tests.support.postgres_server import PostgresServer
 from tests.support.quick_tests import is_quick
 
 if TYPE_CHECKING:
@@ -168,6 +169,22 @@ def screenshot_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = Path(chosen) if chosen else tmp_path_factory.mktemp("screenshots")
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+# --- a database server -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    """One PostgreSQL server for the whole session, whose databases tests make for themselves."""
+    try:
+        server = postgres_server.start()
+    except postgres_server.NoPostgres as error:
+        if postgres_server.is_required(os.environ):
+            pytest.fail(str(error), pytrace=False)
+        pytest.skip(str(error))
+    yield server
+    postgres_server.remove(server)
 
 
 # --- a running lab -----------------------------------------------------------------------------------------------

@@ -13,8 +13,11 @@ from app.commands.console import shown
 from app.commands.groups import DATA
 from app.commands.options import folder
 from app.config import LabConfig
+from app.errors import LabError
+from study.store import DataPlace
 
 DATA_DIR = LabConfig().data_dir
+COPIED = "as recorded; every chain ends as in the original"
 
 commands = typer.Typer()
 
@@ -59,3 +62,36 @@ def restore(
 
     verdict = restore(copy, data)
     print(f"restored to {shown(str(data))}: {verdict.participants} participants, {verdict.links} links, as recorded")
+
+
+@commands.command(rich_help_panel=DATA, epilog="Example: salab copy data postgresql+psycopg://lab@db.example/study")
+def copy(
+    source: Annotated[
+        DataPlace,
+        typer.Argument(
+            metavar="FROM", parser=options.data_place, help="data folder, or URL of a database", show_default=False
+        ),
+    ],
+    target: Annotated[
+        DataPlace,
+        typer.Argument(
+            metavar="TO", parser=options.data_place, help="the same, where nothing is yet", show_default=False
+        ),
+    ],
+    own_folder: Annotated[Path | None, options.own_folder()] = None,
+) -> None:
+    """Copy everything into a database on a server, or back.
+
+    No lab may run on either. The copy is whole or not made, verified by its chains, and has the same certificates; FROM
+    stays as it is. Its lab goes on with --data TO. The key that certificates are signed with is copied too.
+    """
+    from study.store import copy
+
+    if source.url is None and target.url is None:
+        raise LabError("one of the two must be the URL of a database; `salab backup` copies a folder into a folder")
+    copied = copy(*(place if place.url is None else options.beside(place, own_folder) for place in (source, target)))
+    verdict = copied.verdict
+    print(
+        f"copied to {shown(str(target))}: {copied.rows} rows, {verdict.participants} participants, {verdict.links} "
+        f"links, {COPIED}"
+    )

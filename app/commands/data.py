@@ -9,20 +9,22 @@ from typing import Annotated
 
 import typer
 
-from app.commands.groups import DATA
+from app.commands import options
+from app.commands.groups import DATA as GROUP
 from app.commands.options import flow_of, folder
 from app.config import LabConfig
 from app.errors import LabError
+from study.store import DataPlace
 
-DATA_DIR = LabConfig().data_dir
+DATA = LabConfig().data
 
 commands = typer.Typer()
 
 
-@commands.command(rich_help_panel=DATA, epilog="Example: salab export --data data --out out --zip")
+@commands.command(rich_help_panel=GROUP, epilog="Example: salab export --data data --out out --zip")
 def export(
     out: Annotated[Path, folder("folder to write into, or the archive with --zip")],
-    data: Annotated[Path, folder("folder of the database")] = DATA_DIR,
+    data: Annotated[DataPlace, options.data("folder of the database, or address of one on a server")] = DATA,
     as_archive: Annotated[
         bool, typer.Option("--zip", help="write one archive instead: OUT, with .zip at its end")
     ] = False,
@@ -47,11 +49,14 @@ def export(
     print(f"exported to {out}{csv_alone()}")
 
 
-@commands.command(rich_help_panel=DATA, epilog="Example: salab erase --data data --participant P001 --yes")
+@commands.command(rich_help_panel=GROUP, epilog="Example: salab erase --data data --participant P001 --yes")
 def erase(
     context: typer.Context,
     participant: Annotated[str, typer.Option(metavar="ID", help="such as P001")],
-    data: Annotated[Path, folder("folder of the database; no lab runs on it")] = DATA_DIR,
+    data: Annotated[
+        DataPlace, options.data("folder of the database, or address of one on a server; no lab runs on it")
+    ] = DATA,
+    own_folder: Annotated[Path | None, options.own_folder()] = None,
     yes: Annotated[bool, typer.Option("--yes", help="do it; without this nothing is deleted")] = False,
 ) -> None:
     """Delete everything about one participant, for good.
@@ -64,12 +69,15 @@ def erase(
     from study.records import utc_text
     from study.store import SessionUnreadable, open_store
 
+    data = options.beside(data, own_folder)
     with open_store(data, exclusive=True, must_exist=True, flow=flow_of(context)) as store:
         with contextlib.suppress(SessionUnreadable):  # whoever cannot be read can be erased
             store.session(participant)  # says so when there is none
         if not yes:
             raise LabError(f"{participant} would be erased for good; say --yes to do it")
-        store.erase(participant, utc_text(time.time()))
-    reporter.remove(data)  # of a lab that was killed
-    sweep_noted(data)
+        overwritten = store.erase(participant, utc_text(time.time()))
+    reporter.remove(data.folder)  # of a lab that was killed
+    sweep_noted(data.folder)
     print(f"erased {participant}: only the mark that there was one is left")
+    if overwritten is None:
+        print("The server overwrites the space in its own time; its logs and backups are not reached.")

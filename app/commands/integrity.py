@@ -9,11 +9,12 @@ import typer
 
 from app.commands import options
 from app.commands.groups import DATA
-from app.commands.options import folder, number, registered
+from app.commands.options import number, registered
 from app.commands.replay import tell_replays
 from app.config import LabConfig
 from app.errors import LabError
 from app.trial.robots import ROBOTS
+from study.store import DataPlace
 
 MOST_TOLD = 200
 """Findings that are printed: whoever has more of them reads no further."""
@@ -31,7 +32,9 @@ def verify(
             show_default=False,
         ),
     ] = None,
-    data: Annotated[Path | None, folder("folder of the database; a lab may be running on it")] = None,
+    data: Annotated[
+        DataPlace | None, options.data("folder of the database, or address of one; a lab may be running on it")
+    ] = None,
     replay: Annotated[
         bool, typer.Option("--replay", help="run every recorded trial and practice again, too (see `salab replay`)")
     ] = False,
@@ -49,11 +52,12 @@ def verify(
     from study.export.verification import verify_export
     from study.store import verify_data
 
-    if (place := export or data) is None or (export and data):
+    if (export is None) == (data is None):
         raise LabError("what is to be verified? Name an export, or a data folder with --data")
     if replay and export is None:
         raise LabError("--replay replays an export; write one of the data folder with `salab export`, and name it")
-    verdict = verify_export(export) if export else verify_data(place)
+    place = export or data
+    verdict = verify_data(data) if data else verify_export(export or Path())
     for note in verdict.notes:
         print(note)
     for finding in verdict.findings[:MOST_TOLD]:
@@ -73,7 +77,9 @@ def verify(
 
 @commands.command(rich_help_panel=DATA, epilog="Example: salab certificate --data data")
 def certificate(
-    data: Annotated[Path, folder("folder of the database; a lab may be running on it")] = LabConfig().data_dir,
+    data: Annotated[
+        DataPlace, options.data("folder of the database, or address of one; a lab may be running on it")
+    ] = LabConfig().data,
 ) -> None:
     """Print what shows later that nothing was changed: the end of every chain.
 

@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperCommand
 
+from app.config import LabConfig
+from app.errors import LabError
 from study.parts.registry import Registry
+from study.records import StudyError
+from study.store import DataPlace, checked_url, is_url
 
 if TYPE_CHECKING:
     from study.flow.flow import Flow
 
 MAX_PORT = 65535
+DATA_FOLDER = LabConfig().data_dir
 
 
 def flow_of(context: typer.Context) -> Flow:
@@ -55,6 +60,42 @@ def trust() -> Any:
 def folder(help: str) -> Any:
     """An option that takes a folder."""
     return typer.Option(metavar="DIR", parser=place, help=help)
+
+
+def data(help: str) -> Any:
+    """An option that takes a data folder, or the address of a database on a server."""
+    return typer.Option(metavar="DIR|URL", parser=data_place, help=help)
+
+
+def data_place(text: str | Path | DataPlace) -> DataPlace:
+    """Where data are, of a text. The folder of a database on a server is the usual one, see `beside`."""
+    if isinstance(text, DataPlace):
+        return text
+    if is_url(str(text)):
+        try:
+            return DataPlace(DATA_FOLDER, checked_url(str(text)))
+        except StudyError as error:
+            raise typer.BadParameter(str(error)) from None
+    return DataPlace(place(text))
+
+
+def own_folder() -> Any:
+    """The option for where the lab's own files lie when the database is on a server."""
+    return typer.Option(
+        "--folder",
+        metavar="DIR",
+        parser=place,
+        help=f"folder of the lab's own files, where --data is a URL; {DATA_FOLDER} if not given",
+    )
+
+
+def beside(data: DataPlace, folder: Path | None) -> DataPlace:
+    """The same with another folder. Raises `LabError` where --data says which."""
+    if folder is None:
+        return data
+    if data.url is None:
+        raise LabError(f"--folder {folder}: is for a database on a server; --data names the folder itself")
+    return DataPlace(folder, data.url)
 
 
 def file(help: str) -> Any:

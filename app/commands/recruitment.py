@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.commands import options
 from app.commands.groups import RUN_A_STUDY
-from app.commands.options import file, flow_of, folder, place
+from app.commands.options import file, flow_of, place
 from app.config import LabConfig
 from app.errors import LabError
+from study.store import DataPlace
 
 if TYPE_CHECKING:
     from study.flow.reconcile import Finding, Known
@@ -28,7 +30,10 @@ def reconcile(
     service: Annotated[
         Path, typer.Argument(metavar="SERVICE.csv", parser=place, help="the list that was exported there")
     ],
-    data: Annotated[Path, folder("folder of the database")] = LabConfig().data_dir,
+    data: Annotated[
+        DataPlace, options.data("folder of the database, or address of one on a server")
+    ] = LabConfig().data,
+    own_folder: Annotated[Path | None, options.own_folder()] = None,
     id_column: Annotated[str | None, typer.Option(metavar="NAME", help="its column with people's ids")] = None,
     status_column: Annotated[
         str | None, typer.Option(metavar="NAME", help="its column that says what became of them")
@@ -55,6 +60,7 @@ def reconcile(
         listed = read_list(read_text(service, MOST_BYTES), id_column=id_column, status_column=status_column)
     except ListError as error:
         raise LabError(f"{service}: {error}") from None
+    data = options.beside(data, own_folder)
     with open_store(data, must_exist=True, exclusive=apply, flow=flow_of(context)) as store:
         findings = reconcile(listed, roster_of(store))
         for kind, count in summary(findings).items():

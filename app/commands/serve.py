@@ -16,12 +16,13 @@ import typer
 from app.commands import options
 from app.commands.console import announce, shown
 from app.commands.groups import RUN_A_STUDY
-from app.commands.options import choice, file, flow_of, folder, port_number, registered, whole_number
+from app.commands.options import choice, file, flow_of, port_number, registered, whole_number
 from app.config import LOOPBACK, LabConfig, Pace, StartMethod, public_url
 from app.errors import LabError
 from app.limits import with_limits
 from app.monitoring.log_lines import LogFormat
 from app.trial.robots import ROBOTS, chosen_robot
+from study.store import DataPlace
 
 if TYPE_CHECKING:
     from app.lab.lab import Lab
@@ -47,7 +48,8 @@ def serve(
     port: Annotated[
         int, typer.Option(metavar="PORT", parser=port_number, help="port to listen on; 0 = any free one")
     ] = DEFAULTS.port,
-    data: Annotated[Path, folder("folder of the database")] = DEFAULTS.data_dir,
+    data: Annotated[DataPlace, options.data("folder of the database, or address of one on a server")] = DEFAULTS.data,
+    own_folder: Annotated[Path | None, options.own_folder()] = None,
     url: Annotated[
         str | None, typer.Option("--public-url", metavar="URL", help="what links begin with, behind a proxy")
     ] = None,
@@ -92,8 +94,10 @@ def serve(
     from app.processes import without_collections
     from app.worker.process_source import process_source
 
+    data = options.beside(data, own_folder)
     config = LabConfig(
-        data_dir=data,
+        data_dir=data.folder,
+        database_url=data.url,
         host=host,
         port=port,
         public_url=public_url(url, host),
@@ -199,7 +203,7 @@ def _announce(lab: Lab) -> None:
         f"  experimenter       {links['experimenter_link']}\n"
         f"  demo participant   {links['demo_link']}\n"
         + (f"  open link          {open_link(lab.base_url, rules)}\n" if rules.open else "")
-        + f"  data               {shown(str(lab.config.data_dir))}\n"
+        + f"  data               {shown(str(lab.config.data))}\n"
         + (f"  people at once     {lab.door.most}\n" if lab.door.most else "")
         + "Stop with Ctrl+C."
     )

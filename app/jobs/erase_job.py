@@ -7,24 +7,23 @@ done or not at all, whoever is killed.
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 from app.jobs.work import Say, run
-from study.store import open_store
+from study.store import DataPlace, handed_over, open_store
 
 
-def erase(data_dir: Path, participant: str, utc: str, say: Say) -> dict[str, Any]:
+def erase(data: DataPlace, participant: str, utc: str, say: Say) -> dict[str, Any]:
     """Erase; whether the space is overwritten too."""
     say({"step": 1, "of": 1, "text": f"Erasing {participant}"})
-    with open_store(data_dir, must_exist=True) as store:
+    with open_store(data, must_exist=True) as store:
         return {"overwritten": store.erase(participant, utc)}
 
 
 def main() -> int:
     """Run as a program. It holds the database while it writes: it is not to be slow."""
-    data_dir, participant, utc = sys.argv[1:]
-    return run(lambda say: erase(Path(data_dir), participant, utc, say), niceness=0)
+    folder, participant, utc = sys.argv[1:]
+    return run(lambda say: erase(handed_over(folder), participant, utc, say), niceness=0)
 
 
 if __name__ == "__main__":

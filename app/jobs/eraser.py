@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
 
 from app.errors import LabError
 from app.jobs.process import JobLost, run_job
-from study.store import AsyncStore, StoreTroubled
+from study.store import AsyncStore, DataPlace, StoreTroubled, place_of
 
 
-async def erase(store: AsyncStore, data_dir: Path, participant: str, utc: str) -> bool:
+async def erase(store: AsyncStore, data: DataPlace | Path, participant: str, utc: str) -> bool | None:
     """Delete everything about a participant, who has no live session, but the mark; as `Store.erase`.
 
     What has begun goes on when whoever asked is gone. Raises `StoreTroubled` while the disk does not do, and `LabError`
@@ -18,15 +19,18 @@ async def erase(store: AsyncStore, data_dir: Path, participant: str, utc: str) -
     """
     # What the lab has asked to be written before is written first: afterwards it would belong to nobody.
     await store.run(lambda opened: None)
-    folder = str(await asyncio.to_thread(data_dir.resolve))
+    place = place_of(data)
+    folder = str(await asyncio.to_thread(place.folder.resolve))
     return await asyncio.shield(
-        asyncio.create_task(_erase(store, participant, (folder, participant, utc)), name="erase")
+        asyncio.create_task(_erase(store, participant, (folder, participant, utc), place.environment), name="erase")
     )
 
 
-async def _erase(store: AsyncStore, participant: str, arguments: tuple[str, str, str]) -> bool:
+async def _erase(
+    store: AsyncStore, participant: str, arguments: tuple[str, str, str], environment: Mapping[str, str]
+) -> bool | None:
     try:
-        end = await run_job("app.jobs.erase_job", arguments, lambda step: None)
+        end = await run_job("app.jobs.erase_job", arguments, lambda step: None, environment)
     except JobLost as lost:
         if await store.read(lambda opened: participant in dict(opened.erasures())):
             return False  # it was done; the log is emptied at the next erasure
@@ -35,5 +39,5 @@ async def _erase(store: AsyncStore, participant: str, arguments: tuple[str, str,
         raise StoreTroubled(end["trouble"], end["cannot"])
     if "cannot" in end:
         raise LabError(f"{participant} is not erased: {end['cannot']}")
-    overwritten: bool = end["made"]["overwritten"]
+    overwritten: bool | None = end["made"]["overwritten"]
     return overwritten

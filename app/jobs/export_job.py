@@ -9,14 +9,14 @@ from typing import Any
 from app.jobs.work import Say, run
 from study.export.export import export_zip
 from study.records import TABLES
-from study.store import open_store
+from study.store import DataPlace, handed_over, open_store
 
 PILOT, EXCEL_SAFE = "--pilot", "--excel-safe"
 STEPS = (*TABLES, "the archive")
 
 
 def make_archive(
-    data_dir: Path, archive: Path, say: Say, *, include_pilot: bool = False, excel_safe: bool = False
+    data: DataPlace | Path, archive: Path, say: Say, *, include_pilot: bool = False, excel_safe: bool = False
 ) -> dict[str, Any]:
     """Write it; its size in bytes and how many ticks are in it."""
 
@@ -24,16 +24,16 @@ def make_archive(
         counted = f" ({rows:,} rows)" if rows else ""
         say({"step": STEPS.index(what) + 1, "of": len(STEPS), "text": f"Writing {what.replace('_', ' ')}{counted}"})
 
-    with open_store(data_dir, must_exist=True) as store:
+    with open_store(data, must_exist=True) as store:
         rows = export_zip(store, archive, include_pilot=include_pilot, excel_safe=excel_safe, told=told)
     return {"bytes": archive.stat().st_size, "rows": rows["ticks"]}
 
 
 def main() -> int:
     """Run as a program."""
-    data_dir, archive, *options = sys.argv[1:]
+    folder, archive, *options = sys.argv[1:]
     wanted = {"include_pilot": PILOT in options, "excel_safe": EXCEL_SAFE in options}
-    return run(lambda say: make_archive(Path(data_dir), Path(archive), say, **wanted))
+    return run(lambda say: make_archive(handed_over(folder), Path(archive), say, **wanted))
 
 
 if __name__ == "__main__":

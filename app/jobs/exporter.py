@@ -22,6 +22,7 @@ from app.jobs.export_job import EXCEL_SAFE, PILOT
 from app.jobs.process import JobLost, run_job
 from app.session.commands import NotNow
 from study.export.placing import sweep_noted
+from study.store import DataPlace, place_of
 
 FOLDER = "export"
 
@@ -58,10 +59,12 @@ def _another_name(archive: Path, own: Path) -> None:
 class Exporter:
     """Makes one archive at a time. `now_utc` is asked when one is done."""
 
-    def __init__(self, data_dir: Path, now_utc: Callable[[], str]) -> None:
+    def __init__(self, data: DataPlace | Path, now_utc: Callable[[], str]) -> None:
         self.status = ExportStatus()
-        self.archive = data_dir / FOLDER / "export.zip"
-        self._data_dir = data_dir
+        place = place_of(data)
+        self.archive = place.folder / FOLDER / "export.zip"
+        self._data_dir = place.folder
+        self._environment = place.environment
         self._now_utc = now_utc
         self._task: asyncio.Task[None] | None = None
         self._turn = asyncio.Lock()
@@ -121,7 +124,7 @@ class Exporter:
         with self._ended():
             data_dir, archive = await asyncio.to_thread(self._places)
             arguments = (str(data_dir), str(archive), *options)
-            end = await run_job("app.jobs.export_job", arguments, self._step)
+            end = await run_job("app.jobs.export_job", arguments, self._step, self._environment)
             if "cannot" in end:
                 self.status = ExportStatus("cannot", end["cannot"])
             else:

@@ -7,8 +7,9 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from app.errors import LabError
@@ -21,8 +22,14 @@ class JobLost(LabError):
     """The job's process ended without a word: it was killed, or broke."""
 
 
-async def run_job(module: str, arguments: Sequence[str], told: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+async def run_job(
+    module: str,
+    arguments: Sequence[str],
+    told: Callable[[dict[str, Any]], None],
+    environment: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, Any]:
     """Run `python -m MODULE ARGUMENTS` and return what it says at the end, `made` or `cannot`; `told` gets its steps.
+    What others must not see is in its `environment`.
 
     Returns and raises when the process is gone and not before: until then another one could not be told from it. To
     cancel is to end it. Raises `JobLost`.
@@ -30,7 +37,7 @@ async def run_job(module: str, arguments: Sequence[str], told: Callable[[dict[st
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", module, *arguments),
         cwd=ROOT,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", **environment},
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         limit=MOST_LINE_BYTES,

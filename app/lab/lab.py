@@ -162,8 +162,8 @@ class Lab:
             (lambda: prepared_scene(self._workers, self.setup.study.view)) if config.scene else None,
             ANSWER_WITHIN_S + self._workers.allowance_s,
         )
-        self.reporter = Reporter(config.data_dir, lambda: utc_text(now_unix_s()))
-        self.exporter = Exporter(config.data_dir, lambda: utc_text(now_unix_s()))
+        self.reporter = Reporter(config.data, lambda: utc_text(now_unix_s()))
+        self.exporter = Exporter(config.data, lambda: utc_text(now_unix_s()))
         self.lapsing = Lapsing(self)
         self.door = Doorkeeper(None, lambda: self.live_sessions)
 
@@ -188,7 +188,7 @@ class Lab:
             machine = fingerprint_id(machine_fingerprint())
             self._ran_on = {**robot_facts(self.robot.name), "machine": machine}
             tried.result()
-        store = open_store(self.config.data_dir, exclusive=True, flow=self.flow)
+        store = open_store(self.config.data, exclusive=True, flow=self.flow)
         try:
             lost = [one for one in store.unreadable_sessions() if one.lacks_page]
         except StudyError:
@@ -399,7 +399,7 @@ class Lab:
         self.changed(participant)
         return rejected
 
-    async def erase(self, participant: str) -> bool:
+    async def erase(self, participant: str) -> bool | None:
         """End the session if it is live and delete everything about the participant but the mark that there was one.
 
         Returns `Store.erase`'s word on the space. Raises `NoSuchParticipant`, and `LabError` when nothing was deleted.
@@ -412,7 +412,7 @@ class Lab:
             if live is not None:
                 await live.close()
             await self._discard_made()  # their processes may be reading: the log could not be emptied
-            is_clean = await eraser.erase(self.store, self.config.data_dir, participant, utc)
+            is_clean = await eraser.erase(self.store, self.config.data, participant, utc)
             await self._discard_made()  # of those begun in between
         self.changed(participant)
         return is_clean

@@ -31,7 +31,7 @@ class Home(Protocol):
     async def stored_session(self, participant: str) -> StoredSession:
         """One participant, as stored."""
 
-    async def erase(self, participant: str) -> bool:
+    async def erase(self, participant: str) -> bool | None:
         """Delete everything about a participant."""
 
     def later(self, work: Coroutine[Any, Any, None], name: str) -> None:

@@ -22,14 +22,14 @@ from app.processes import step_back
 from study.export.export import export
 from study.extras import missing_extra
 from study.records import StudyError
-from study.store import open_store
+from study.store import DataPlace, handed_over, open_store
 
 STEPS = ("Reading the records", "Measuring the trials", "Comparing the conditions", "Drawing the figures")
 WORK_PREFIX = ".report-"
 """What the folder of a job begins with, beside OUT. A job that is killed leaves it; it holds an export."""
 
 
-def make_report(data_dir: Path, out: Path, say: Say) -> None:
+def make_report(data_place: DataPlace | Path, out: Path, say: Say) -> None:
     """Export, measure, compare, draw. What cannot be computed yet is said in a sentence."""
 
     def step(number: int) -> None:
@@ -40,7 +40,7 @@ def make_report(data_dir: Path, out: Path, say: Say) -> None:
         package, report = Path(made) / "data", Path(made) / "report"
         try:
             step(1)
-            with open_store(data_dir, must_exist=True) as store:
+            with open_store(data_place, must_exist=True) as store:
                 export(store, package)
             step(2)
             # Imported when there is something to compute: they load the statistics and the plotting.
@@ -80,9 +80,9 @@ def sentence(text: str, folder: Path) -> str:
 
 def main() -> int:
     """Run as a program."""
-    data_dir, out = (Path(argument) for argument in sys.argv[1:3])
+    folder, out = sys.argv[1:3]
     step_back(NICENESS)
-    make_report(data_dir, out, say)
+    make_report(handed_over(folder), Path(out), say)
     return 0
 
 

@@ -16,6 +16,7 @@ from typing import Any, Literal
 from app.jobs.process import JobLost, run_job
 from app.report.job import WORK_PREFIX
 from app.session.commands import NotNow
+from study.store import DataPlace, place_of
 
 FOLDER = "report"
 PAGE = "report.html"
@@ -46,10 +47,12 @@ def remove(data_dir: Path) -> None:
 class Reporter:
     """Makes one report at a time. `now_utc` is asked when one is done."""
 
-    def __init__(self, data_dir: Path, now_utc: Callable[[], str]) -> None:
+    def __init__(self, data: DataPlace | Path, now_utc: Callable[[], str]) -> None:
         self.status = ReportStatus()
-        self.folder = data_dir / FOLDER
-        self._data_dir = data_dir
+        place = place_of(data)
+        self.folder = place.folder / FOLDER
+        self._data_dir = place.folder
+        self._environment = place.environment
         self._now_utc = now_utc
         self._task: asyncio.Task[None] | None = None
 
@@ -77,7 +80,7 @@ class Reporter:
     async def _make(self) -> None:
         arguments = (str(self._data_dir.resolve()), str(self.folder.resolve()))
         try:
-            self.status = self._end(await run_job("app.report.job", arguments, self._step))
+            self.status = self._end(await run_job("app.report.job", arguments, self._step, self._environment))
         except JobLost as lost:
             self.status = ReportStatus("cannot", f"The report's {lost}.")
 

@@ -90,7 +90,7 @@ class TroubleReply(BaseModel):
     """That the lab cannot save: nothing is acknowledged, robots stand still, and it tries again by itself."""
 
     kind: str
-    """full, locked, read_only, io, corrupt, gone or slow."""
+    """full, locked, read_only, io, corrupt, gone, slow or unreachable."""
     text: str
     """What is wrong and what helps."""
     since_utc: str

@@ -180,8 +180,9 @@ class EraseReply(BaseModel):
 
     participant: str
     """Id, such as P001."""
-    overwritten: bool
-    """Whether the space is overwritten already. If not, another process was reading; the next erasure does it."""
+    overwritten: bool | None
+    """Whether the space is overwritten already. If not, another process was reading; the next erasure does it. Null:
+    the database is on a server, which promises no overwriting."""
 
 
 class LinkReply(BaseModel):

@@ -81,7 +81,7 @@ export async function erase(api, { participant }) {
     danger: true,
     confirm: "Erase for good",
     text: [
-      "Everything about this participant is deleted and the space it took is overwritten: records, answers, links and names. A session that is running ends. Only the mark that there was a participant of this id stays. This cannot be undone.",
+      "Everything about this participant is deleted, and a database in the data folder overwrites the space it took: records, answers, links and names. A session that is running ends. Only the mark that there was a participant of this id stays. This cannot be undone.",
       "Exports you made before, and copies of the data you made elsewhere, are not reached from here.",
     ],
     field: {
@@ -94,6 +94,9 @@ export async function erase(api, { participant }) {
   if (typed === null) return null;
   /** @type {EraseReply} */
   const { overwritten } = await api.send(`${person(participant)}/erase`, { confirm: typed.trim() });
+  if (overwritten === null) {
+    return `${participant}: erased. The database is on a server: it overwrites the space in its own time, and its logs and backups are not reached.`;
+  }
   return `${participant}: erased.${overwritten ? "" : " The space is overwritten at the next erasure, because another program was reading the data."}`;
 }
 

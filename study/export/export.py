@@ -115,7 +115,7 @@ def export(
     with store.snapshot() as recorded:
         tables, studies, meta = _contents(recorded, include_demo, include_pilot)
         words = EXCEL_SAFE if excel_safe else WORDS
-        return _write_whole(Path(out_dir), tables, studies, meta, told, store.path.parent, words)
+        return _write_whole(Path(out_dir), tables, studies, meta, told, store.folder, words)
 
 
 def export_zip(
@@ -135,7 +135,7 @@ def export_zip(
     if path.exists() and not _is_archive(path):
         raise ExportError(f"{path}: there already, and not an earlier export; choose another name")
     try:
-        with work_folder(path.absolute().parent, store.path.parent) as work, store.snapshot() as recorded:
+        with work_folder(path.absolute().parent, store.folder) as work, store.snapshot() as recorded:
             folder, archive = work / "files", work / "archive.zip"
             folder.mkdir(mode=0o700)
             tables, studies, meta = _contents(recorded, include_demo, include_pilot)

@@ -8,7 +8,13 @@ The rest of the project uses the names below and nothing further in. Where to lo
     condition     what the disk can do to a store, and what helps
     rescue        a copy of a database whose file is gone
     fingerprint   the machine and the versions that data were recorded on
-    database      the file: lock, versions, damage, transactions, durability
+    place         where data are: a folder, or the address of a database and a folder for the rest
+    database      one opened database: versions, transactions, what it says
+    backend       what a kind of database must be able to do
+    sqlite_file   the file: lock, damage, durability
+    postgres      the server: lock, durability, what it says
+    unknown       batches of which nobody knows whether the server committed them
+    numbering     numbers of participants, none of which is given out twice
     migration     versions of the file, and how an older one becomes this one
     tables        what stands in the file
     rows          a recorded row as SQLite takes it
@@ -17,6 +23,8 @@ The rest of the project uses the names below and nothing further in. Where to lo
     certificates  what there was of somebody who has ended, signed
     page_sums     checksums of the pages while no lab runs
     backup        a copy of the data folder while a lab runs, and the way back
+    copying       from a data folder into a database on a server, and back
+    reading       a database as it stands, for its verification
     verification  whether a data folder holds what was recorded
     participants  who takes part: order, session, tokens, identities, the cell given out again
     progress      what a session has reached: its state, answered messages, starts of cycles
@@ -32,9 +40,11 @@ if TYPE_CHECKING:
     from study.store.async_store import AsyncStore
     from study.store.backup import back_up, restore
     from study.store.condition import WHAT_TO_DO, StoreTroubled, Trouble, TroubleKind
-    from study.store.database import is_in_use
+    from study.store.copying import Copied, copy
     from study.store.fingerprint import fingerprint_id, machine_fingerprint
+    from study.store.place import DataPlace, checked_url, handed_over, is_url, place_of
     from study.store.snapshot import Snapshot
+    from study.store.sqlite_file import is_in_use
     from study.store.store import Store, open_store
     from study.store.values import (
         Batch,
@@ -54,7 +64,9 @@ __all__ = [
     "AsyncStore",
     "Batch",
     "ConsentGiven",
+    "Copied",
     "Cycle",
+    "DataPlace",
     "Identity",
     "SessionUnreadable",
     "Snapshot",
@@ -67,10 +79,15 @@ __all__ = [
     "TroubleKind",
     "UnreadableSession",
     "back_up",
+    "checked_url",
+    "copy",
     "fingerprint_id",
+    "handed_over",
     "is_in_use",
+    "is_url",
     "machine_fingerprint",
     "open_store",
+    "place_of",
     "restore",
     "verify_data",
 ]
@@ -79,7 +96,9 @@ _MODULES = {
     "AsyncStore": "study.store.async_store",
     "Batch": "study.store.values",
     "ConsentGiven": "study.store.values",
+    "Copied": "study.store.copying",
     "Cycle": "study.store.values",
+    "DataPlace": "study.store.place",
     "Identity": "study.store.values",
     "SessionUnreadable": "study.store.values",
     "Snapshot": "study.store.snapshot",
@@ -94,7 +113,12 @@ _MODULES = {
     "WHAT_TO_DO": "study.store.condition",
     "back_up": "study.store.backup",
     "fingerprint_id": "study.store.fingerprint",
-    "is_in_use": "study.store.database",
+    "checked_url": "study.store.place",
+    "copy": "study.store.copying",
+    "handed_over": "study.store.place",
+    "is_in_use": "study.store.sqlite_file",
+    "is_url": "study.store.place",
+    "place_of": "study.store.place",
     "machine_fingerprint": "study.store.fingerprint",
     "open_store": "study.store.store",
     "restore": "study.store.backup",

@@ -207,7 +207,7 @@ class AsyncStore:
         if not done.wrote:
             return
         if not (done.in_place or self.store.in_place):
-            raise StoreTroubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
+            raise StoreTroubled("gone", f"{self.store.name}: {WHAT_TO_DO['gone']}")
         if self._damage is not None:
             raise self._damage
         self._wrote_s = self.now_s()
@@ -221,7 +221,7 @@ class AsyncStore:
 
     def _is_slow(self, number: int) -> None:
         if number in self._waiting and self.trouble is None:
-            self._troubled("slow", f"{self.store.path}: a write takes longer than {SLOW_AFTER_S:g} s")
+            self._troubled("slow", f"{self.store.name}: a write takes longer than {SLOW_AFTER_S:g} s")
 
     def _troubled(self, kind: TroubleKind, text: str) -> None:
         before = self.trouble
@@ -263,7 +263,7 @@ class AsyncStore:
                 read_s = now_s
                 await self._read_back()
             if not self.store.in_place:
-                self._troubled("gone", f"{self.store.path}: {WHAT_TO_DO['gone']}")
+                self._troubled("gone", f"{self.store.name}: {WHAT_TO_DO['gone']}")
             elif self._kept or self._waiting:
                 continue  # whoever waits finds out
             elif now_s - max(tried_s, self._wrote_s) >= (TRY_EVERY_S if self.trouble is None else 2 * LOOK_EVERY_S):

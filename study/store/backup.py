@@ -20,8 +20,9 @@ from study.disk.flushing import to_disk
 from study.integrity.checksums import SUMS_NAME, changed_files, check_sums, digest, sums_of
 from study.integrity.findings import Verdict
 from study.integrity.signing import KEY_NAME
+from study.store.sqlite_file import FILE_NAME
 from study.store.values import StoreError
-from study.store.verification import FILE_NAME, verify_data
+from study.store.verification import verify_data
 
 NOTE_NAME = "backup.json"
 FORMAT = "shared-autonomy-lab backup"
@@ -36,7 +37,7 @@ def back_up(folder: Path, out: Path, utc: str) -> Verdict:
     if not source.is_file():
         raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
     _refuse_inside(out, folder, "a backup is lost with the folder that it lies in, and erasing does not reach it")
-    with _made_whole(out) as made:
+    with made_whole(out) as made:
         address = f"file:{quote(str(source.absolute()))}?mode=ro"
         with (
             closing(sqlite3.connect(address, uri=True, timeout=10.0)) as database,
@@ -76,7 +77,7 @@ def restore(backup: Path, folder: Path) -> Verdict:
     if verdict.findings:
         raise StoreError(f"{backup}: not as recorded: {verdict.findings[0]}; nothing was restored")
     _refuse_inside(folder, backup, "a backup stays as it was written")
-    with _made_whole(folder) as made:
+    with made_whole(folder) as made:
         for name in (FILE_NAME, *KEPT):
             if (backup / name).is_file():
                 shutil.copyfile(backup / name, made / name)
@@ -89,7 +90,7 @@ def _refuse_inside(place: Path, folder: Path, why: str) -> None:
 
 
 @contextmanager
-def _made_whole(place: Path) -> Iterator[Path]:
+def made_whole(place: Path) -> Iterator[Path]:
     """A folder beside `place` to be filled, which takes its place when the `with` ends; on disk, and its owner's."""
     place = place.absolute()
     made = place.with_name(f".{place.name}.{os.getpid()}.unfinished")

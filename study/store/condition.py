@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from study.integrity.chain import Head
 from study.store.values import StoreError
 
-TroubleKind = Literal["full", "locked", "read_only", "io", "corrupt", "gone", "slow"]
+TroubleKind = Literal["full", "locked", "read_only", "io", "corrupt", "gone", "slow", "unreachable"]
 """The disk is full; another program holds the database; it may only be read; the disk fails; the file is damaged; the
-file is not where it was opened; a write takes long."""
+file is not where it was opened; a write takes long; the server of the database does not answer."""
 
 WHAT_TO_DO: Mapping[TroubleKind, str] = {
     "full": "The disk is full: make room on it.",
@@ -25,6 +26,7 @@ WHAT_TO_DO: Mapping[TroubleKind, str] = {
     "corrupt": "The database is damaged: stop the lab and go back to a backup.",
     "gone": "The data folder was moved, deleted or replaced: put it back where it was.",
     "slow": "The disk takes long to write: look for what else is writing to it.",
+    "unreachable": "The database server does not answer: look whether it runs, and whether this machine reaches it.",
 }
 """What is wrong and what helps, for the experimenter."""
 
@@ -47,6 +49,15 @@ class StoreTroubled(StoreError):
     def __init__(self, kind: TroubleKind, text: str) -> None:
         self.kind = kind
         super().__init__(text)
+
+
+class CommitUnknown(StoreTroubled):
+    """The server was lost while it committed: whether all of it is on disk, or nothing, is told by these ends of
+    chains, which are there or are not."""
+
+    def __init__(self, kind: TroubleKind, text: str, heads: Mapping[str, Head]) -> None:
+        self.heads = heads
+        super().__init__(kind, text)
 
 
 @dataclass(frozen=True)

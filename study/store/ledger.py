@@ -17,14 +17,17 @@ import sqlalchemy as sql
 from study.integrity.chain import BEGUN, Entry, Head, entry, extended
 from study.integrity.content import CHAINED, OWN_KEYS, key_of, keys_of
 from study.records import columns
-from study.store.statements import driver_of, insertion
+from study.store.statements import insertion, run, run_many
 from study.store.tables import CHAINED_TABLES, RECORDS, SESSIONS
 
 _INFO = "chain"
 """Where the entries wait, on the connection."""
+_HEADS = "heads"
+"""Where the ends of the chains are noted that a transaction has written."""
 _SALT_BYTES = 16
 _LINK = (*(info.name for info in columns("chain")), "salt")
 _HEAD = "SELECT seq, hash FROM chain WHERE participant = ? ORDER BY seq DESC LIMIT 1"
+_WRITTEN = "SELECT 1 FROM chain WHERE participant = ? AND seq = ? AND hash = ?"
 
 
 @contextmanager
@@ -58,7 +61,7 @@ def close_ledger(connection: sql.Connection) -> None:
 
 def head_of(connection: sql.Connection, participant: str) -> Head:
     """The end of a participant's chain."""
-    row = driver_of(connection).execute(_HEAD, (participant,)).fetchone()
+    row = run(connection, _HEAD, (participant,)).fetchone()
     return Head(*row) if row else Head()
 
 
@@ -89,6 +92,22 @@ def _link(connection: sql.Connection, participant: str, entries: Iterable[Entry]
     noted = list(entries)
     links = extended(head_of(connection, participant), participant, noted)
     said = insertion(RECORDS["chain"], _LINK)
-    driver_of(connection).executemany(
-        said, [(*vars(link).values(), made.salt) for link, made in zip(links, noted, strict=True)]
-    )
+    rows = [(*vars(link).values(), made.salt) for link, made in zip(links, noted, strict=True)]
+    run_many(connection, said, rows)
+    if links:
+        connection.info.setdefault(_HEADS, {})[participant] = Head(links[-1].seq, links[-1].hash)
+
+
+def forget_heads(connection: sql.Connection) -> None:
+    """A transaction begins."""
+    connection.info[_HEADS] = {}
+
+
+def heads_written(connection: sql.Connection) -> dict[str, Head]:
+    """The ends of the chains that this transaction has written, by participant."""
+    return dict(connection.info.get(_HEADS, {}))
+
+
+def has_one_of(connection: sql.Connection, heads: Mapping[str, Head]) -> bool:
+    """Whether a transaction that wrote these ends of chains was committed: all of it was, or nothing."""
+    return any(run(connection, _WRITTEN, (who, head.seq, head.hash)).fetchone() for who, head in heads.items())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import sqlalchemy as sql
 
 from study.records import SCHEMA_VERSION, utc_text
-from study.store import ledger
-from study.store.tables import META, VERSION
+from study.store import ledger, numbering
+from study.store.tables import META, SESSIONS, VERSION
 from study.store.values import StoreError
 
 if TYPE_CHECKING:
@@ -44,24 +44,24 @@ def mark(connection: sql.Connection) -> None:
     connection.execute(META.insert(), [{"name": name, "value": value} for name, value in _meta().items()])
 
 
-def revision_of(connection: sql.Connection, existing: Collection[str], path: Path) -> str:
-    """The revision of a file that has these tables. Raises `StoreError` for one that this version cannot bring up."""
+def revision_of(connection: sql.Connection, existing: Collection[str], name: str, copies: Collection[str] = ()) -> str:
+    """The revision of a database that has these tables. Raises `StoreError` for one that this version cannot bring up;
+    `copies` are what may be gone back to."""
     if "meta" not in existing:
-        raise StoreError(f"{path}: a database, but not one of this lab")
+        raise StoreError(f"{name}: a database, but not one of this lab")
     found = {row.name: row.value for row in connection.execute(sql.select(META))}
     revision = connection.execute(sql.select(VERSION.c.version_num)).scalar() if VERSION.name in existing else FIRST
     expected = _meta() if revision == HEAD else _FIRST_META if revision == FIRST else {}
     if revision != HEAD and revision not in _known():
-        copies = sorted(copy.name for copy in copies_beside(path))
-        back = f", or go back to the copy made before: {', '.join(copies)}" if copies else ""
+        back = f", or go back to the copy made before: {', '.join(sorted(copies))}" if copies else ""
         raise StoreError(
-            f"{path}: written by a later version of the lab (schema {revision}, this version knows those up to "
+            f"{name}: written by a later version of the lab (schema {revision}, this version knows those up to "
             f"{HEAD}); open it with that version{back}"
         )
-    for name, value in expected.items():
-        if found.get(name) != value:
+    for item, value in expected.items():
+        if found.get(item) != value:
             raise StoreError(
-                f"{path}: {name} is {found.get(name)}, this version of the lab needs {value}; "
+                f"{name}: {item} is {found.get(item)}, this version of the lab needs {value}; "
                 "open it with the version that wrote it, or use another data folder"
             )
     return revision
@@ -91,7 +91,7 @@ def copies_beside(path: Path) -> list[Path]:
     return list(path.parent.glob(f"{path.stem}.schema-*{path.suffix}*"))
 
 
-def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
+def bring_up(connection: sql.Connection, name: str, revision: str) -> None:
     """Run every revision after `revision` in the connection's transaction. Raises `StoreError` when one fails.
 
     The numbers that SQLite must never give out again (those of erased participants) outlive a table that is replaced.
@@ -102,38 +102,31 @@ def bring_up(connection: sql.Connection, path: Path, revision: str) -> None:
     connection.execute(VERSION.insert().values(version_num=revision))
     config = _config()
     config.attributes["connection"] = connection
-    numbers = _numbers_given_out(connection)
+    number = numbering.given_out(connection)
     try:
         command.upgrade(config, HEAD)
     except Exception as error:  # whatever a revision raises, the file stays as it was
         line = str(getattr(error, "orig", None) or error).partition("\n")[0]
         raise StoreError(
-            f"{path}: cannot be brought from schema {revision} to {HEAD}: {type(error).__name__}: {line}; "
+            f"{name}: cannot be brought from schema {revision} to {HEAD}: {type(error).__name__}: {line}; "
             "nothing was changed"
         ) from error
-    _keep_numbers(connection, path, numbers)
+    _keep_number(connection, name, number)
     if revision < CHAINED_SINCE:
         ledger.begin(connection, revision, utc_text(time.time()))
     mark(connection)
 
 
-def _numbers_given_out(connection: sql.Connection) -> dict[str, int]:
-    """The highest number of each table whose numbers are never given out again."""
-    return {row.name: row.seq for row in connection.exec_driver_sql("SELECT name, seq FROM sqlite_sequence")}
-
-
-def _keep_numbers(connection: sql.Connection, path: Path, numbers: Mapping[str, int]) -> None:
-    """Have SQLite go on after these numbers. Raises `StoreError` when a table no longer counts on for ever."""
-    counting = "SELECT name FROM sqlite_master WHERE type = 'table' AND sql LIKE '%AUTOINCREMENT%'"
-    still = set(connection.exec_driver_sql(counting).scalars())
-    for table, number in numbers.items():
-        if table not in still:
+def _keep_number(connection: sql.Connection, name: str, number: int) -> None:
+    """Have the database go on after this number. Raises `StoreError` when it no longer counts on for ever."""
+    if connection.dialect.name == "sqlite":
+        counting = "SELECT name FROM sqlite_master WHERE type = 'table' AND sql LIKE '%AUTOINCREMENT%'"
+        if SESSIONS.name not in set(connection.exec_driver_sql(counting).scalars()):
             raise StoreError(
-                f"{path}: the revision would let numbers of {table} be given out again; replace the table with "
+                f"{name}: the revision would let numbers of {SESSIONS.name} be given out again; replace the table with "
                 "table_kwargs={'sqlite_autoincrement': True}; nothing was changed"
             )
-        connection.exec_driver_sql("DELETE FROM sqlite_sequence WHERE name = ?", (table,))
-        connection.exec_driver_sql("INSERT INTO sqlite_sequence (name, seq) VALUES (?, ?)", (table, number))
+    numbering.keep(connection, number)
 
 
 def _meta() -> dict[str, str]:

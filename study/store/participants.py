@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sql
-from sqlalchemy.dialects.sqlite import insert as insert_or_update
 
 from study.definition.study import Study, next_order
 from study.flow.flow import Flow, NoSuchPage
@@ -15,8 +14,9 @@ from study.flow.open_link import BEFORE_CONSENT, IDENTITY_PREFIX, ids_among
 from study.flow.protocol import FREES_CELL, Session, to_json
 from study.flow.roster import EnrolmentKind
 from study.records import SCHEMA_VERSION, ParticipantRow, StudyError
-from study.store import ledger
+from study.store import ledger, numbering
 from study.store.rows import add, clean_text, insert, update
+from study.store.statements import insert_once
 from study.store.tables import IDENTITIES, RECORDS, SESSIONS, STUDIES, TOKENS
 from study.store.values import StoredSession, UnreadableSession
 
@@ -40,13 +40,12 @@ def enrol(
     order: Sequence[str] | None,
 ) -> str:
     """Somebody new under the least-filled order, or the one given; returns their id."""
-    connection.execute(
-        insert_or_update(STUDIES).values(hash=study.hash, text=study.source_text).on_conflict_do_nothing()
-    )
+    insert_once(connection, STUDIES, hash=study.hash, text=study.source_text)
     chosen = tuple(order) if order else next_order(study, _taken(connection))
     condition_order = ORDER_SEPARATOR.join(chosen)
     inserted = connection.execute(
         SESSIONS.insert().values(
+            **numbering.next_number(connection),
             participant=public_id,  # replaced below with session and state: the name is made of the number
             public_id=public_id,
             session="",
@@ -60,7 +59,8 @@ def enrol(
             rejected=0,
         )
     )
-    number = inserted.lastrowid
+    assert inserted.inserted_primary_key is not None
+    number = inserted.inserted_primary_key[0]
     participant = f"{ID_LETTER[kind]}{number:03d}"
     session = flow.new_session(participant, len(chosen), flow.skips(study))
     connection.execute(SESSIONS.update().where(SESSIONS.c.number == number).values(participant=participant))

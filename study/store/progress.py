@@ -11,7 +11,7 @@ import sqlalchemy as sql
 from study.flow.protocol import Session, to_json
 from study.store import ledger
 from study.store.rows import insert, update
-from study.store.statements import driver_of, replacement
+from study.store.statements import replacement, run
 from study.store.tables import CYCLES, RECORDS, SUBMISSIONS
 from study.store.values import ConsentGiven, Cycle, StoreError
 
@@ -42,7 +42,7 @@ def save_response(connection: sql.Connection, participant: str, message_id: str,
 
 def response_to(connection: sql.Connection, participant: str, message_id: str) -> dict[str, Any] | None:
     """What a message was answered with, or None when it is new."""
-    row = driver_of(connection).execute(_RESPONSE, (participant, message_id)).fetchone()
+    row = run(connection, _RESPONSE, (participant, message_id)).fetchone()
     return None if row is None else cast("dict[str, Any]", json.loads(row[0]))
 
 
@@ -50,7 +50,7 @@ def save_cycle(connection: sql.Connection, cycle: Cycle) -> None:
     """The start of a cycle, in place of that of an earlier attempt at it."""
     values = {**vars(cycle), "practice": int(cycle.practice)}
     said = replacement(CYCLES, tuple(values), ("participant", "trial", "practice", "cycle"))
-    driver_of(connection).execute(said, tuple(values.values()))
+    run(connection, said, tuple(values.values()))
     ledger.note(connection, "cycles", values)
 
 

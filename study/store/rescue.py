@@ -6,7 +6,6 @@ The copy is a data folder: a lab can be started on it as it is.
 from __future__ import annotations
 
 import shutil
-import sqlite3
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,9 +17,10 @@ from study.store.values import StoreError
 
 def copy_out(database: Database, utc: str) -> Path:
     """Copy everything to a new folder; returns it. Raises `StoreError` when no place takes it."""
-    name = f"{database.path.parent.name}.rescued-{utc[:19].replace('-', '').replace(':', '')}"
+    name = f"{database.backend.folder.name}.rescued-{utc[:19].replace('-', '').replace(':', '')}"
     problems = []
-    for place in _places(database.path.parent):
+    refused: tuple[type[Exception], ...] = (OSError, *database.backend.errors)
+    for place in _places(database.backend.folder):
         try:
             folder = _new_folder(place, name)
         except OSError as error:
@@ -28,12 +28,12 @@ def copy_out(database: Database, utc: str) -> Path:
             continue
         try:
             database.copy_out(folder / FILE_NAME)
-        except (OSError, sqlite3.Error) as error:
+        except refused as error:
             shutil.rmtree(folder, ignore_errors=True)  # half a copy is none, and it is tried again
             problems.append(f"{place}: {error}")
         else:
             return folder
-    raise StoreError(f"no place for a rescue copy of {database.path}: {'; '.join(problems)}")
+    raise StoreError(f"no place for a rescue copy of {database.name}: {'; '.join(problems)}")
 
 
 def _places(folder: Path) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""Rows on their way in: a recorded row as SQLite takes it, added once or replacing the one of its key.
+"""Rows on their way in: a recorded row as the database takes it, added once or replacing the one of its key.
 
 Each is noted in the transaction's ledger, from which its link in the chain is made (`study.store.ledger`).
 """
@@ -13,13 +13,13 @@ import sqlalchemy as sql
 from study.integrity.content import CHAINED
 from study.records import KEYS, TABLES, columns
 from study.store import ledger
-from study.store.statements import driver_of, insertion, replacement
+from study.store.statements import insertion, replacement, run, run_many
 from study.store.tables import CHAINED_TABLES, RECORDS
 from study.store.values import StoreError
 
 
 def clean_text(value: object) -> str:
-    """Text as SQLite and a CSV reader take it: no NUL, no half of a surrogate pair."""
+    """Text as databases and a CSV reader take it: no NUL, no half of a surrogate pair."""
     text = str(value)
     if text.isascii():
         return text.replace("\0", "")
@@ -37,7 +37,7 @@ _NAMES: Mapping[str, tuple[str, ...]] = {name: tuple(column for column, _ in of)
 
 def insert(connection: sql.Connection, table: sql.Table, **values: object) -> None:
     """One row of a table of the lab's own."""
-    driver_of(connection).execute(insertion(table, tuple(values)), tuple(values.values()))
+    run(connection, insertion(table, tuple(values)), tuple(values.values()))
     if table.name in CHAINED:
         ledger.note(connection, table.name, values)
 
@@ -57,7 +57,7 @@ def add(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
     values = [_values(table, row) for row in rows]
     if values:
         said = insertion(RECORDS[table], _NAMES[table])
-        driver_of(connection).executemany(said, [tuple(one.values()) for one in values])
+        run_many(connection, said, [tuple(one.values()) for one in values])
     for one in values:
         ledger.note(connection, table, one)
 
@@ -68,11 +68,11 @@ def put(connection: sql.Connection, table: str, rows: Iterable[Any]) -> None:
         values = _values(table, row)
         ledger.note(connection, table, values)
         said = replacement(RECORDS[table], _NAMES[table], tuple(KEYS[table]))
-        driver_of(connection).execute(said, tuple(values.values()))
+        run(connection, said, tuple(values.values()))
 
 
 def _values(table: str, row: Any) -> dict[str, Any]:
-    """A row as SQLite takes it: plain Python numbers, whatever made them."""
+    """A row as a database takes it: plain Python numbers, whatever made them."""
     if not isinstance(row, TABLES[table]):
         raise StoreError(f"table {table} takes {TABLES[table].__name__}, not {type(row).__name__}")
     given = vars(row)

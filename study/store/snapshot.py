@@ -27,8 +27,9 @@ class Snapshot:
         """The rows of a recorded table as their type, participant by participant in order of enrolment."""
         query = _ordered(table).where(SESSIONS.c.kind.in_(_kinds(include_demo, include_pilot)))
         row_type = TABLES[table]
-        for row in self._connection.execution_options(yield_per=1000).execute(query).mappings():
-            yield row_type(**row)
+        with self._connection.execution_options(yield_per=1000).execute(query) as found:  # whoever reads no further
+            for row in found.mappings():
+                yield row_type(**row)
 
     def rows_of(self, table: str, participant: str, **equal: object) -> tuple[Any, ...]:
         """One participant's rows of a recorded table, where the named columns have these values."""

@@ -1,26 +1,50 @@
-"""Statements of every tick, put into words once and given to SQLite as they are.
+"""Statements of every tick, put into words once and given to the database's driver as they are.
 
 SQLAlchemy makes a statement anew each time, and an execution around it: of a tick that is several times what SQLite
-itself takes.
+itself takes. The words are SQLite's; PostgreSQL's driver marks a value otherwise.
 """
 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
+from typing import Any
 
 import sqlalchemy as sql
-from sqlalchemy.dialects import sqlite
+from sqlalchemy.dialects import postgresql, sqlite
 
-_quote = sqlite.dialect().identifier_preparer.quote
+_quoting = (sqlite.dialect().identifier_preparer, postgresql.dialect().identifier_preparer)  # type: ignore[no-untyped-call]
 
 
-def driver_of(connection: sql.Connection) -> sqlite3.Connection:
-    """SQLite's own connection, in the transaction that this one is in. What it raises `Database` tells as its own."""
-    driver = connection.connection.driver_connection
-    assert isinstance(driver, sqlite3.Connection)
-    return driver
+def driver_of(connection: sql.Connection) -> Any:
+    """The driver's own connection, in the transaction that this one is in. What it raises `Database` tells as its
+    own."""
+    return connection.connection.driver_connection
+
+
+def run(connection: sql.Connection, words: str, values: Sequence[Any] = ()) -> Any:
+    """Have the driver do it; a cursor."""
+    driver = driver_of(connection)
+    if isinstance(driver, sqlite3.Connection):
+        return driver.execute(words, values)
+    return driver.execute(_for_postgres(words), values)
+
+
+def run_many(connection: sql.Connection, words: str, rows: Sequence[Sequence[Any]]) -> None:
+    """The same for each of these rows of values."""
+    driver = driver_of(connection)
+    if isinstance(driver, sqlite3.Connection):
+        driver.executemany(words, rows)
+    elif len(rows) == 1:
+        driver.execute(_for_postgres(words), rows[0])
+    else:
+        driver.cursor().executemany(_for_postgres(words), rows)
+
+
+@cache
+def _for_postgres(words: str) -> str:
+    return words.replace("?", "%s")
 
 
 @cache
@@ -36,6 +60,16 @@ def replacement(table: sql.Table, names: tuple[str, ...], keys: tuple[str, ...])
     """The same, in place of the row that has these keys, if there is one."""
     changed = ", ".join(f"{name} = excluded.{name}" for name in _quoted(name for name in names if name not in keys))
     return f"{insertion(table, names)} ON CONFLICT ({', '.join(_quoted(keys))}) DO UPDATE SET {changed}"
+
+
+def insert_once(connection: sql.Connection, table: sql.Table, **values: Any) -> None:
+    """A row of a table that has no participants, unless it is there."""
+    run(connection, f"{insertion(table, tuple(values))} ON CONFLICT DO NOTHING", tuple(values.values()))
+
+
+def _quote(name: str) -> str:
+    """A name that either of them would mistake for a word of its own stands in quotes, which both take."""
+    return next((quoted for quoting in _quoting if (quoted := quoting.quote(name)) != name), name)
 
 
 def _quoted(names: Iterable[str]) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,22 +19,27 @@ from study.flow.protocol import Event
 from study.flow.recorded import RECEIVED
 from study.flow.roster import EnrolmentKind
 from study.records import EventRow, TickRow
-from study.store import certificates, erasure, migration, participants, progress, rows
+from study.store import certificates, erasure, participants, progress, rows
 from study.store.condition import StoreTroubled
 from study.store.database import Database, TransactionUndone, open_database
+from study.store.place import DataPlace, place_of
 from study.store.rescue import copy_out
 from study.store.snapshot import Snapshot
+from study.store.sqlite_file import SqliteFile
+from study.store.unknown import Unknown
 from study.store.values import Batch, Cycle, SessionUnreadable, StoredSession, StoreError, UnreadableSession
 
 
-def open_store(data_dir: Path | str, *, exclusive: bool = False, must_exist: bool = False, flow: Flow = FLOW) -> Store:
-    """Open the database of a data folder, made when it is not there.
+def open_store(
+    data: DataPlace | Path | str, *, exclusive: bool = False, must_exist: bool = False, flow: Flow = FLOW
+) -> Store:
+    """Open the database of a data folder or of a server, made when it is not there.
 
-    `exclusive` is for the lab that serves: a second one on the same folder is refused. `must_exist` is for the
-    export. `flow` holds the pages that participants go through. Raises `StoreError` with one line for a folder or file
-    that cannot be used, a foreign or damaged file, or another schema version.
+    `exclusive` is for the lab that serves: a second one on the same data is refused. `must_exist` is for the export.
+    `flow` holds the pages that participants go through. Raises `StoreError` with one line for what cannot be used, a
+    foreign or damaged database, or another schema version.
     """
-    return Store(open_database(Path(data_dir), exclusive=exclusive, must_exist=must_exist), flow)
+    return Store(open_database(place_of(data), exclusive=exclusive, must_exist=must_exist), flow)
 
 
 class Store:
@@ -41,12 +47,25 @@ class Store:
 
     def __init__(self, database: Database, flow: Flow = FLOW) -> None:
         self._database = database
+        self._unknown = Unknown()
         self.flow = flow
 
     @property
+    def name(self) -> str:
+        """What errors call the database: its file, or its address without a password."""
+        return self._database.name
+
+    @property
+    def folder(self) -> Path:
+        """Where the lab's own files lie."""
+        return self._database.backend.folder
+
+    @property
     def path(self) -> Path:
-        """The database's file."""
-        return self._database.path
+        """The database's file. Raises `StoreError` for one that a server keeps."""
+        if isinstance(self._database.backend, SqliteFile):
+            return self._database.backend.path
+        raise StoreError(f"{self.name}: is no file")
 
     @property
     def writes(self) -> int:
@@ -241,18 +260,18 @@ class Store:
         with self.snapshot() as recorded:
             return recorded.erasures()
 
-    def erase(self, participant: str, utc: str) -> bool:
+    def erase(self, participant: str, utc: str) -> bool | None:
         """Delete everything about a participant but the mark that there was one. Cannot be undone.
 
         The rows are gone when this returns. True when the space they took is overwritten too; False when another
         process was reading the database and its log could not be emptied: the next erasure, or the end of the lab,
-        does it.
+        does it. None for a server, which promises no overwriting.
         """
         with contextlib.suppress(SessionUnreadable):  # whoever cannot be read can be erased
             self.session(participant)
         with self._database.write() as connection:
             erasure.erase(connection, participant, utc)
-        for copy in migration.copies_beside(self.path):  # they hold the one who is erased
+        for copy in self._database.backend.copies().values():  # they hold the one who is erased
             copy.unlink(missing_ok=True)
         return self._database.empty_log()
 
@@ -260,7 +279,11 @@ class Store:
 
     def commit(self, batch: Batch) -> bool:
         """Write a batch; on disk at return. False, and nothing written, when its submission was answered before."""
-        with self._database.write() as connection:
+        answered = self._unknown.answer(self._database, batch)
+        if answered is not None:
+            return answered
+        is_new = False
+        with self._unknown.noting([batch], lambda: [is_new]), self._database.write() as connection:
             is_new = self._write(connection, batch)
         self._phase_ended([batch])
         return is_new
@@ -268,7 +291,7 @@ class Store:
     def commit_all(self, batches: Sequence[Batch]) -> list[bool | Exception]:
         """Write batches in their order, waiting for the disk once. Of each, what `commit` returns, or the error that it
         raises: then nothing of that one is written, and no other lacks anything."""
-        if len(batches) > 1:
+        if len(batches) > 1 and not self._unknown.concerns(batches):
             try:
                 return self._commit_together(batches)
             except StoreTroubled as error:
@@ -280,7 +303,7 @@ class Store:
 
     def _commit_together(self, batches: Sequence[Batch]) -> list[bool | Exception]:
         found: list[bool | Exception] = []
-        with self._database.transaction() as connection:
+        with self._unknown.noting(batches, lambda: found), self._database.transaction() as connection:
             for batch in batches:
                 try:
                     with self._database.part(connection):
@@ -326,7 +349,7 @@ class Store:
         for cycle in batch.cycles:
             progress.save_cycle(connection, cycle)
         for participant, utc in _to_certify(batch).items():
-            certificates.certify(connection, self.path.parent, participant, utc)
+            certificates.certify(connection, self.folder, participant, utc)
         return True
 
     def _phase_ended(self, batches: Sequence[Batch]) -> None:
@@ -364,6 +387,14 @@ class Store:
         """Everything recorded as it is at this moment, whatever is written meanwhile."""
         with self._database.read() as connection:
             yield Snapshot(connection)
+
+    def reading(self) -> AbstractContextManager[Any]:
+        """A connection that sees one moment; for what is in this room."""
+        return self._database.read()
+
+    def rewriting(self) -> AbstractContextManager[Any]:
+        """A transaction whose rows are linked by nobody: they bring their links. For what is in this room."""
+        return self._database.transaction()
 
     def rows(self, table: str, include_demo: bool = False, include_pilot: bool = False) -> Iterator[Any]:
         """As `Snapshot.rows`."""

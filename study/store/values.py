@@ -12,7 +12,12 @@ from study.records import AlertRow, EventRow, StudyError, SurveyAnswerRow, TaskR
 
 
 class StoreError(StudyError):
-    """The database cannot be opened or refuses a write; one line that says which file and why."""
+    """The database cannot be opened or refuses a write; one line that says which file and why.
+
+    `exit_status` is how a command ends that meets it.
+    """
+
+    exit_status = 1
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,17 @@
-"""Whether a data folder holds what was recorded: the file's pages, its references, and everybody's chain.
+"""Whether data are as they were recorded: the database's pages, its references, and everybody's chain.
 
-Only reads, past everything that would write or bring an older file up, and while a lab may be running.
+Only reads, past everything that would write or bring an older database up, and while a lab may be running.
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
+
+import sqlalchemy as sql
 
 from study.integrity.certificate import check_certificate
 from study.integrity.chain import Linked, ReadChain, tombstone_hash
@@ -20,49 +19,67 @@ from study.integrity.content import CHAINED, keys_of
 from study.integrity.findings import Finding, Verdict
 from study.integrity.signing import is_signed
 from study.records import CertificateRow, ChainRow
+from study.store.database import BAD_ADDRESS
 from study.store.migration import CHAINED_SINCE, FIRST
-from study.store.page_sums import changed_pages
+from study.store.place import DataPlace, place_of
+from study.store.reading import FileReader, Reader, Row, ServerReader
+from study.store.sqlite_file import FILE_NAME
 from study.store.values import StoreError
 
-FILE_NAME = "lab.sqlite"
-MOST_DAMAGES = 100
-"""As many as SQLite is asked for; more say nothing more."""
 LATER = ("certificates",)
 """Tables that came after the chain."""
-_UNREADABLE = (sqlite3.Error, UnicodeDecodeError, KeyError, TypeError, ValueError)
-"""What reading a damaged file raises: where a name of a table or column is damaged, nothing is found by it."""
-Row = Mapping[str, Any]
+_UNREADABLE: tuple[type[Exception], ...] = (
+    *(sqlite3.Error, sql.exc.DBAPIError),
+    *(UnicodeDecodeError, KeyError, TypeError, ValueError),
+)
+"""What reading a damaged database raises: where a name of a table or column is damaged, nothing is found by it."""
 
 
-def verify_data(folder: Path) -> Verdict:
-    """Compare a data folder with what its chains say. Raises `StoreError` when there is none to look at."""
-    path = folder / FILE_NAME
+def verify_data(data: DataPlace | Path) -> Verdict:
+    """Compare a lab's data with what its chains say. Raises `StoreError` when there are none to look at."""
+    place = place_of(data)
+    if place.url is not None:
+        return _verify_server(place)
+    path = place.folder / FILE_NAME
     if not path.is_file():
-        raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
-    address = f"file:{quote(str(path.absolute()))}?mode=ro"
+        raise StoreError(f"{place.folder}: no lab data here ({FILE_NAME} is missing)")
     try:
-        with closing(sqlite3.connect(address, uri=True, timeout=10.0, isolation_level=None)) as connection:
-            connection.row_factory = _as_mapping
-            connection.text_factory = _text
-            connection.execute("BEGIN")  # one moment, whatever is written meanwhile
-            return _File(connection, path).verdict()
+        with closing(FileReader.opened(path)) as connection:
+            return _Recorded(FileReader(connection, path)).verdict()
     except _UNREADABLE as error:
         return Verdict((Finding(FILE_NAME, f"cannot be read: {_said(error)}"),), 0, 0)
 
 
-class _File:
+def _verify_server(place: DataPlace) -> Verdict:
+    from study.store.database import Database
+    from study.store.postgres import open_server
+
+    database = Database(open_server(place, exclusive=False))
+    try:
+        with database.read() as connection:
+            if not sql.inspect(connection).has_table("sessions"):
+                raise StoreError(f"{place}: no lab data here")
+            return _Recorded(ServerReader(connection)).verdict()
+    except StoreError as error:
+        error.exit_status = BAD_ADDRESS
+        raise
+    finally:
+        database.close()
+
+
+class _Recorded:
     """The database as of one moment."""
 
-    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
-        self._connection = connection
-        self._path = path
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+        self._rows = reader.rows
         self._links = 0
 
     def verdict(self) -> Verdict:
-        findings, participants, notes = [*self._pages(), *self._at_rest()], 0, []
+        findings, participants, notes = list(self._reader.damages(_UNREADABLE, _said)), 0, []
         try:
             revision = self._revision()
-            findings += self._references()
+            findings += self._reader.references()
             findings += self._own()
             if revision < CHAINED_SINCE:
                 notes.append(
@@ -84,45 +101,13 @@ class _File:
                     for table in CHAINED:
                         findings += chain.compared(table, self._of(table, participant))
         except _UNREADABLE as error:
-            findings.append(Finding(FILE_NAME, f"cannot be read further: {_said(error)}"))
+            findings.append(Finding(self._reader.name, f"cannot be read further: {_said(error)}"))
         return Verdict(tuple(findings), participants, self._links, tuple(notes))
 
-    def _rows(self, query: str, *values: object) -> Iterator[Row]:
-        yield from self._connection.execute(query, values)
-
-    def _pages(self) -> Iterator[Finding]:
-        """What SQLite itself finds: pages, indexes, the list of free pages, values of a wrong type."""
-        try:
-            for row in self._rows(f"PRAGMA integrity_check({MOST_DAMAGES})"):
-                text = " ".join(str(next(iter(row.values()))).split())
-                if text != "ok":
-                    yield Finding(self._place_of(text), text.removeprefix("*** in database main *** "))
-        except _UNREADABLE as error:
-            yield Finding(FILE_NAME, f"its pages are damaged: {_said(error)}")
-
-    def _at_rest(self) -> Iterator[Finding]:
-        """Pages that are not as the lab left them when it ended."""
-        for number in changed_pages(self._path):
-            yield Finding(self._place_of(f"page {number}"), f"page {number} is not as the lab left it")
-
-    def _place_of(self, text: str) -> str:
-        """The file, and the table or index whose page SQLite names by a number."""
-        named = re.search(r"\bpage (\d+)", text)
-        try:
-            found = self._rows("SELECT name FROM dbstat WHERE pageno = ?", int(named[1])) if named else iter(())
-            return ", ".join([FILE_NAME, *(str(row["name"]) for row in found)])
-        except _UNREADABLE:  # the page is damaged, or this SQLite has no such table
-            return FILE_NAME
-
     def _revision(self) -> str:
-        tables = {row["name"] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if "alembic_version" not in tables:
+        if "alembic_version" not in self._reader.tables():
             return FIRST
         return next((str(row["version_num"]) for row in self._rows("SELECT version_num FROM alembic_version")), FIRST)
-
-    def _references(self) -> Iterator[Finding]:
-        for row in self._rows("PRAGMA foreign_key_check"):
-            yield Finding(f"{row['table']}, row {row['rowid']}", f"belongs to a row of {row['parent']} that is missing")
 
     def _own(self) -> Iterator[Finding]:
         """What carries its hash with it, and the numbers given out."""
@@ -137,13 +122,9 @@ class _File:
                 yield Finding(f"erasures, {row['participant']}", "the mark is not as it was made")
         numbers = {row["number"] for row in self._rows("SELECT number FROM sessions")}
         numbers |= {int(name[1:]) for name in erased if name[1:].isdecimal()}
-        given_out = max(
-            (row["seq"] for row in self._rows("SELECT seq FROM sqlite_sequence WHERE name = 'sessions'")), default=0
-        )
+        where, given_out = self._reader.given_out()
         if numbers and given_out < max(numbers):
-            yield Finding(
-                "sqlite_sequence", f"says that {given_out} numbers of participants were given out, not {max(numbers)}"
-            )
+            yield Finding(where, f"says that {given_out} numbers of participants were given out, not {max(numbers)}")
         for number in sorted(set(range(1, given_out + 1)) - numbers):
             yield Finding("sessions", f"participant number {number} is missing, and was not erased")
 
@@ -154,21 +135,13 @@ class _File:
             yield Linked(ChainRow(**{name: value for name, value in row.items() if name != "salt"}), salt)
 
     def _of(self, table: str, participant: str) -> Iterator[Row]:
-        if table in LATER and not list(self._rows("SELECT 1 FROM sqlite_master WHERE name = ?", table)):
+        if table in LATER and table not in self._reader.tables():
             return iter(())  # of a schema that had it not yet
-        order = "" if keys_of(table) is not None else " ORDER BY rowid"
+        order = "" if keys_of(table) is not None else f" ORDER BY {self._reader.arrival(table)}"
         return self._rows(f"SELECT * FROM {table} WHERE participant = ?{order}", participant)
 
 
 def _said(error: Exception) -> str:
+    if isinstance(error, sql.exc.DBAPIError):
+        return str(error.orig).partition("\n")[0]
     return str(error) if isinstance(error, sqlite3.Error) else f"names in it are damaged ({error})"
-
-
-def _as_mapping(cursor: sqlite3.Cursor, row: tuple[Any, ...]) -> Row:
-    names = [description[0] for description in cursor.description]
-    return dict(zip(names, [value.hex() if isinstance(value, bytes) else value for value in row], strict=True))
-
-
-def _text(raw: bytes) -> str:
-    """Text as it is; of what is no text any more, something that no row ever held."""
-    return raw.decode("utf-8", "backslashreplace")

@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from study.store.condition import StoreTroubled
+from study.store.condition import CommitUnknown, StoreTroubled
 from study.store.store import Store
 from study.store.values import Batch, StoreError
 
@@ -116,6 +116,8 @@ class WritingThread:
         except StoreTroubled as error:
             if self._store.writes > before:  # half of it is done: it must not be done again
                 raise StoreError(str(error)) from error
+            if isinstance(error, CommitUnknown):  # nor this: all of it may be
+                raise StoreError(f"{error}; whether it was done is not known: look before it is tried again") from error
             raise
         return Written(result, self._store.writes > before)
 

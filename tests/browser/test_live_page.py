@@ -13,8 +13,8 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.data_places import locked
 from tests.support.lab_server import LabServer
-from tests.support.locked_database import locked
 from tests.support.wire_client import events, invite, read, visit
 
 if TYPE_CHECKING:

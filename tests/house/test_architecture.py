@@ -83,6 +83,7 @@ ONLY_IN: Mapping[str, tuple[str, ...]] = {
     "psutil": ("app.processes",),
     "sqlalchemy": ("study.store",),
     "sqlite3": ("study.store",),
+    "psycopg": ("study.store",),
     "aiosqlite": (),
     "alembic": ("study.store",),
     "pyarrow": ("study.export.parquet",),

@@ -60,7 +60,7 @@ def normal(name: str) -> str:
 RUN = names(PROJECT["dependencies"])
 EXTRA = {extra: names(lines) for extra, lines in PROJECT["optional-dependencies"].items()}
 TEST, DOCS = EXTRA["test"], EXTRA["docs"]
-OF_THE_LAB = RUN.union(*(EXTRA[extra] for extra in ("bullet", "analysis", "meshes", "contracts")))
+OF_THE_LAB = RUN.union(*(EXTRA[extra] for extra in ("bullet", "analysis", "postgres", "meshes", "contracts")))
 """What its code may import; the extras of it are told apart by where that stands."""
 
 
@@ -142,6 +142,7 @@ def test_whatever_is_asked_for_is_used() -> None:
 ON_DEMAND = (
     *("app/physics_comparison/", "app/replication/", "app/report/layout_picture.py"),
     *("app/sizing/picture.py", "sim/bullet.py", "study/analysis/"),
+    "study/store/postgres_values.py",
 )
 """Code that is itself loaded when it is needed, and may name an extra's packages at the top."""
 

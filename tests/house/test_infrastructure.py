@@ -14,7 +14,7 @@ import pytest
 
 from tests.conftest import NetworkForbidden, is_loopback
 from tests.javascript import check as javascript
-from tests.support import chromium, lab_server, real_keys
+from tests.support import chromium, lab_server, postgres_server, real_keys
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -160,6 +160,18 @@ def test_missing_real_keys_are_passed_over_aloud_and_installed_where_they_are_re
     script(tmp_path / "apt-get", f'case "$*" in *install*xvfb*) /bin/ln -s {stock} {tmp_path};; esac')
     assert real_keys.main({**here, "SALAB_REQUIRE_KEYS": "1"}) == 0
     assert "NOT tested" not in capfd.readouterr().out
+
+
+def test_a_missing_postgresql_is_passed_over_aloud_and_installed_where_it_is_required(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(postgres_server, "DEBIAN", tmp_path / "postgresql")
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    here = {"PATH": str(tmp_path)}
+    assert postgres_server.main(here) == 0
+    assert "PostgreSQL NOT tested: " in capfd.readouterr().out
+    assert postgres_server.main({**here, "SALAB_REQUIRE_POSTGRES": "1"}) == 1
+    assert "there is no apt-get" in capfd.readouterr().out
 
 
 # --- starting a lab ----------------------------------------------------------------------------------------------

@@ -224,7 +224,7 @@ export interface RosterReply {
 /** What became of it. */
 export interface EraseReply {
   participant: string;
-  overwritten: boolean;
+  overwritten: boolean | null;
 }
 
 /** A link that carries a token; it cannot be shown again. */

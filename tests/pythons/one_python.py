@@ -56,7 +56,7 @@ class OnePython:
         ]
         run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis]"], self.folder)
         took_s, size_mb = time.monotonic() - begun, _size_mb(self.folder / "environment")
-        run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis,test,docs]"], self.folder)
+        run([*pip, "--only-binary=:all:", f"{wheel}[bullet,analysis,postgres,test,docs]"], self.folder)
         return f"installed in {took_s:.0f} s, {size_mb:.0f} MB"
 
     def robots(self) -> tuple[str, ...]:

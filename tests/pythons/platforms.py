@@ -23,7 +23,7 @@ PLATFORMS: Mapping[str, str] = {
     "Windows": "x86_64-pc-windows-msvc",
 }
 """As in docs/how-to/install.md, to what uv calls it."""
-EXTRAS = ("bullet", "analysis", "meshes")
+EXTRAS = ("bullet", "analysis", "postgres", "meshes")
 MACOS = {"MACOSX_DEPLOYMENT_TARGET": "14.0"}
 UNREACHED = ("Failed to fetch", "error sending request", "Could not connect", "Network connectivity")
 

@@ -18,9 +18,9 @@ from app.session.session import LiveSession
 from app.wire import Input, Page, Saves, Status, Tick, Welcome
 from app.worker.process import WorkerProcess
 from tests.support.dashboard_client import dashboard
+from tests.support.data_places import locked
 from tests.support.lab_server import LabServer
 from tests.support.local_lab import RIGHT, LocalPage, in_first_trial, lab_in_here
-from tests.support.locked_database import locked
 from tests.support.wire_client import Player, command, events, invite, seen_by_experimenter, stored, visit
 
 pytestmark = pytest.mark.slow

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,15 @@ from study.flow.flow import FLOW
 from study.integrity.certificate import state_of
 from study.integrity.signing import KEY_NAME, key_problem, public_key
 from study.records import CertificateRow, EventRow
-from study.store import Batch, Store, Submission, open_store, verify_data
+from study.store import Batch, DataPlace, Store, Submission, open_store, verify_data
+from tests.support.data_places import changed_in, typed
 from tests.support.study_samples import UTC, answer_row, shipped_study, tick_row, trial_row
 from tests.support.typed_command import run
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with open_store(tmp_path / "data", exclusive=True) as opened:
+def store(place: DataPlace) -> Iterator[Store]:
+    with open_store(place, exclusive=True) as opened:
         yield opened
 
 
@@ -60,7 +59,9 @@ def certified(store: Store) -> CertificateRow:
     return row
 
 
-def test_who_ends_is_certified_and_a_report_of_their_page_completes_it(store: Store, tmp_path: Path) -> None:
+def test_who_ends_is_certified_and_a_report_of_their_page_completes_it(
+    store: Store, place: DataPlace, tmp_path: Path
+) -> None:
     who = session(store)
     first = certified(store)
     assert (first.ticks, first.practice_ticks, first.answers, first.messages) == (5, 1, 3, 4)
@@ -70,8 +71,8 @@ def test_who_ends_is_certified_and_a_report_of_their_page_completes_it(store: St
     assert (second.told_ticks, second.told_messages, second.messages) == (6, 4, 4)
     assert state_of(second) == "complete"
     assert second.links > first.links and second.key == first.key
-    assert (tmp_path / "data" / "lab.key").stat().st_mode & 0o077 == 0
-    assert not verify_data(tmp_path / "data").findings
+    assert (place.folder / "lab.key").stat().st_mode & 0o077 == 0
+    assert not verify_data(place).findings
     export(store, tmp_path / "export")
     assert not verify_export(tmp_path / "export").findings
 
@@ -82,11 +83,11 @@ def test_who_ends_is_certified_and_a_report_of_their_page_completes_it(store: St
      ({"acknowledged": 5}, "more"), ({"ticks": {"trial 1": 6, "practice 1": 1}}, "more")],
 )  # fmt: skip
 def test_pages_that_were_told_of_less_or_of_more_than_is_stored(
-    store: Store, tmp_path: Path, counts: dict[str, Any], state: str
+    store: Store, place: DataPlace, tmp_path: Path, counts: dict[str, Any], state: str
 ) -> None:
     report(store, session(store), **counts)
     assert state_of(certified(store)) == state
-    found = [str(finding) for finding in verify_data(tmp_path / "data").findings]
+    found = [str(finding) for finding in verify_data(place).findings]
     assert found == (["certificate of P001: pages were told that more is saved than is stored"] * (state == "more"))
 
 
@@ -103,10 +104,10 @@ def test_nobody_is_certified_before_they_end(store: Store) -> None:
     assert not list(store.rows("certificates"))
 
 
-def test_later_acts_leave_the_certificate_valid(store: Store, tmp_path: Path) -> None:
+def test_later_acts_leave_the_certificate_valid(store: Store, place: DataPlace, tmp_path: Path) -> None:
     who = session(store)
     store.reject(who, EventRow(who, None, None, UTC, "rejected", "experimenter", "{}"))
-    assert not verify_data(tmp_path / "data").findings
+    assert not verify_data(place).findings
 
 
 @pytest.mark.parametrize(
@@ -114,29 +115,28 @@ def test_later_acts_leave_the_certificate_valid(store: Store, tmp_path: Path) ->
     ["UPDATE certificates SET ticks = 4", "UPDATE certificates SET head = substr(head, 2) || '0'",
      "UPDATE certificates SET signature = substr(signature, 3) || '00'"],
 )  # fmt: skip
-def test_a_changed_certificate_is_found(store: Store, tmp_path: Path, statement: str) -> None:
+def test_a_changed_certificate_is_found(store: Store, place: DataPlace, statement: str) -> None:
     session(store)
-    with closing(sqlite3.connect(store.path)) as connection, connection:
-        connection.execute(statement)
-    found = [str(finding) for finding in verify_data(tmp_path / "data").findings]
+    changed_in(place, statement)
+    found = [str(finding) for finding in verify_data(place).findings]
     assert "certificate of P001: its signature does not fit what it says" in found
 
 
 def test_a_key_that_cannot_be_used_keeps_nobody_from_ending_and_is_told(
-    store: Store, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    store: Store, place: DataPlace, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    (tmp_path / "data" / "lab.key").write_text("no key")
+    (place.folder / "lab.key").write_text("no key")
     assert store.session(session(store)).session.state == "withdrawn"
     assert not list(store.rows("certificates"))
     assert "participant P001 has no certificate: the data folder's key cannot be used" in caplog.text
 
 
 def test_the_command_prints_what_to_keep_elsewhere(
-    store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    store: Store, place: DataPlace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     report(store, session(store))
     store.create_participant(shipped_study(), seed=2, public_id="y", utc=UTC)
-    status, said, _ = run(capsys, "certificate", "--data", str(tmp_path / "data"))
+    status, said, _ = run(capsys, "certificate", "--data", typed(place))
     first, second, key, everything = said.splitlines()
     with store.snapshot() as recorded:
         heads = recorded.heads()

@@ -17,24 +17,26 @@ from typing import Any
 import pytest
 import sqlalchemy as sql
 
-from study.store import AsyncStore, Batch, Store, StoreError, Submission, open_store, rows, verify_data
-from tests.support.locked_database import locked
+from study.store import AsyncStore, Batch, DataPlace, Store, StoreError, Submission, open_store, rows, verify_data
+from tests.support.data_places import found_in, locked
 from tests.support.study_samples import UTC, event_row, shipped_study, tick_row
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PEOPLE = ("P001", "P002", "P003")
 WITHIN_S = 20.0
+on_files = pytest.mark.parametrize("place", ["sqlite"], indirect=True)
+"""What a disk does to SQLite's file."""
 
 
 @pytest.fixture
-async def store(tmp_path: Path) -> AsyncIterator[AsyncStore]:
-    opened = open_store(tmp_path / "data", exclusive=True)
+async def store(place: DataPlace) -> AsyncIterator[AsyncStore]:
+    opened = open_store(place, exclusive=True)
     for number in range(len(PEOPLE)):
         opened.create_participant(shipped_study(), seed=number, public_id=f"public{number}", utc=UTC)
     served = AsyncStore(opened)
     yield served
     await served.close()
-    assert verify_data(tmp_path / "data").findings == ()  # whatever was written, the chains are right
+    assert verify_data(place).findings == ()  # whatever was written, the chains are right
 
 
 def tick(who: str, number: int) -> Batch:
@@ -53,17 +55,18 @@ async def together(store: AsyncStore, *batches: Batch) -> list[Any]:
     return found
 
 
-def ticks_in(folder: Path) -> list[tuple[str, int]]:
-    with closing(sqlite3.connect(folder / "lab.sqlite")) as connection:
-        return list(connection.execute("SELECT participant, tick FROM ticks ORDER BY rowid"))
+def ticks_in(place: DataPlace) -> list[tuple[Any, ...]]:
+    """In the order they were written."""
+    order = "ROWID" if place.url is None else "CTID"
+    return found_in(place, f"SELECT participant, tick FROM ticks ORDER BY {order}")
 
 
-async def test_what_several_sessions_write_meanwhile_is_one_transaction(store: AsyncStore, tmp_path: Path) -> None:
+async def test_what_several_sessions_write_meanwhile_is_one_transaction(store: AsyncStore, place: DataPlace) -> None:
     asked = [(who, number) for number in range(4) for who in PEOPLE]
     before = store.store.writes
     assert await together(store, *(tick(who, number) for who, number in asked)) == [True] * len(asked)
     assert store.store.writes == before + 1
-    assert ticks_in(tmp_path / "data") == asked
+    assert ticks_in(place) == asked
     for who in PEOPLE:
         assert [row.kind for row in store.store.rows_of("events", who)] == [f"of {number}" for number in range(4)]
 
@@ -80,7 +83,7 @@ async def test_other_work_stays_in_its_place_among_batches(store: AsyncStore) ->
     await asyncio.gather(first, earlier, later)
 
 
-async def test_what_is_wrong_with_one_harms_no_other(store: AsyncStore, tmp_path: Path) -> None:
+async def test_what_is_wrong_with_one_harms_no_other(store: AsyncStore, place: DataPlace) -> None:
     await store.commit(tick("P001", 0))
     sent = Batch(submission=Submission("P003", "tab.1"), events=(event_row(participant="P003", kind="sent"),))
     wrong: Any = event_row(participant="P002")
@@ -97,14 +100,19 @@ async def test_what_is_wrong_with_one_harms_no_other(store: AsyncStore, tmp_path
     assert [one if isinstance(one, bool) else type(one) for one in found] == [
         True, StoreError, True, StoreError, False, StoreError, True,
     ]  # fmt: skip
-    assert "UNIQUE" in str(found[1]) and "FOREIGN KEY" in str(found[3]) and "takes TickRow" in str(found[5])
-    assert ticks_in(tmp_path / "data") == [("P001", 0), ("P001", 1), ("P002", 5)]
+    assert (
+        "UNIQUE" in str(found[1]).upper()
+        and "FOREIGN KEY" in str(found[3]).upper()
+        and "takes TickRow" in str(found[5])
+    )
+    assert ticks_in(place) == [("P001", 0), ("P001", 1), ("P002", 5)]
     assert [row.kind for row in store.store.rows_of("events", "P003")] == ["sent"]
     assert store.trouble is None
 
 
+@on_files
 async def test_where_sqlite_undoes_the_whole_transaction_only_the_one_that_caused_it_is_refused(
-    store: AsyncStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: AsyncStore, place: DataPlace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add = rows.add
 
@@ -118,7 +126,7 @@ async def test_where_sqlite_undoes_the_whole_transaction_only_the_one_that_cause
     monkeypatch.setattr(rows, "add", runs_out)
     found = await together(store, tick("P001", 0), tick("P002", 7), tick("P003", 0))
     assert found[0] is True and found[2] is True and isinstance(found[1], StoreError)
-    assert ticks_in(tmp_path / "data") == [("P001", 0), ("P003", 0)]
+    assert ticks_in(place) == [("P001", 0), ("P003", 0)]
 
 
 # ---- while the disk does not do
@@ -137,8 +145,9 @@ def little_room(store: Store, pages: int) -> Iterator[None]:
     most[0] = 1_000_000
 
 
+@on_files
 async def test_of_what_waits_for_a_full_disk_everything_that_fits_is_written_and_the_rest_once_there_is_room(
-    store: AsyncStore, tmp_path: Path
+    store: AsyncStore, place: DataPlace
 ) -> None:
     large = event_row(participant="P002", kind="large", data=f'{{"text": "{"x" * 400_000}"}}')
     full = asyncio.Event()
@@ -147,43 +156,47 @@ async def test_of_what_waits_for_a_full_disk_everything_that_fits_is_written_and
         waiting = asyncio.ensure_future(together(store, tick("P001", 0), Batch(events=(large,)), tick("P003", 0)))
         await asyncio.wait_for(full.wait(), WITHIN_S)
         assert store.trouble is not None and store.trouble.kind == "full"
-        assert ("P001", 0) in ticks_in(tmp_path / "data")
+        assert ("P001", 0) in ticks_in(place)
         assert not waiting.done()
     assert await waiting == [True, True, True]
-    assert sorted(ticks_in(tmp_path / "data")) == [("P001", 0), ("P003", 0)]
+    assert sorted(ticks_in(place)) == [("P001", 0), ("P003", 0)]
     assert [row.kind for row in store.store.rows_of("events", "P002")] == ["large"]
 
 
-async def test_what_waits_for_a_locked_database_is_all_written_once(store: AsyncStore, tmp_path: Path) -> None:
+async def test_what_waits_for_a_locked_database_is_all_written_once(store: AsyncStore, place: DataPlace) -> None:
     told = asyncio.Event()
     store.listen(lambda trouble: told.set())
-    with locked(tmp_path / "data"):
+    with locked(place):
         waiting = asyncio.ensure_future(together(store, *(tick(who, 0) for who in PEOPLE)))
         await asyncio.wait_for(told.wait(), WITHIN_S)
-        assert ticks_in(tmp_path / "data") == [] and not waiting.done()
+        assert ticks_in(place) == [] and not waiting.done()
     assert await waiting == [True] * len(PEOPLE)
-    assert sorted(ticks_in(tmp_path / "data")) == [(who, 0) for who in PEOPLE]
+    assert sorted(ticks_in(place)) == [(who, 0) for who in PEOPLE]
 
 
-async def test_nobody_is_answered_whose_batch_went_to_a_file_without_a_name(store: AsyncStore, tmp_path: Path) -> None:
+@on_files
+async def test_nobody_is_answered_whose_batch_went_to_a_file_without_a_name(
+    store: AsyncStore, place: DataPlace
+) -> None:
     told = asyncio.Event()
     store.listen(lambda trouble: told.set())
-    (tmp_path / "data").rename(tmp_path / "elsewhere")
+    place.folder.rename(place.folder.with_name("elsewhere"))
     waiting = asyncio.ensure_future(together(store, *(tick(who, 0) for who in PEOPLE)))
     await asyncio.wait_for(told.wait(), WITHIN_S)
     assert store.trouble is not None and store.trouble.kind == "gone" and not waiting.done()
-    (tmp_path / "elsewhere").rename(tmp_path / "data")
+    place.folder.with_name("elsewhere").rename(place.folder)
     assert await waiting == [True] * len(PEOPLE)
-    assert sorted(ticks_in(tmp_path / "data")) == [(who, 0) for who in PEOPLE]
+    assert sorted(ticks_in(place)) == [(who, 0) for who in PEOPLE]
 
 
-def test_a_killed_lab_has_every_acknowledged_tick_of_every_session(tmp_path: Path) -> None:
-    with open_store(tmp_path) as opened:
+def test_a_killed_lab_has_every_acknowledged_tick_of_every_session(place: DataPlace) -> None:
+    with open_store(place) as opened:
         for number in range(len(PEOPLE)):
             opened.create_participant(shipped_study(), seed=number, public_id=f"public{number}", utc=UTC)
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.store_writer", str(tmp_path), *PEOPLE],
+        [sys.executable, "-m", "tests.support.store_writer", str(place.folder), *PEOPLE],
         cwd=REPOSITORY,
+        env={**os.environ, **place.environment},
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -196,9 +209,9 @@ def test_a_killed_lab_has_every_acknowledged_tick_of_every_session(tmp_path: Pat
     acknowledged: dict[str, list[int]] = {who: [] for who in PEOPLE}
     for who, told in map(str.split, said):
         acknowledged[who].append(int(told))
-    with open_store(tmp_path, exclusive=True) as opened:
+    with open_store(place, exclusive=True) as opened:
         for who in PEOPLE:
             kept = [row.tick for row in opened.rows_of("ticks", who)]
             assert kept[: len(acknowledged[who])] == acknowledged[who] == list(range(len(acknowledged[who])))
             assert len(kept) - len(acknowledged[who]) in (0, 1)  # at most the one that was not acknowledged yet
-    assert verify_data(tmp_path).findings == ()
+    assert verify_data(place).findings == ()

@@ -26,6 +26,7 @@ from study.store import (
     Batch,
     ConsentGiven,
     Cycle,
+    DataPlace,
     Identity,
     Store,
     StoredSession,
@@ -51,7 +52,14 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
+def store(place: DataPlace) -> Iterator[Store]:
+    with open_store(place) as opened:
+        yield opened
+
+
+@pytest.fixture
+def file_store(tmp_path: Path) -> Iterator[Store]:
+    """One whose file is looked at."""
     with open_store(tmp_path / "data") as opened:
         yield opened
 
@@ -62,9 +70,9 @@ def enrol(store: Store, **options: Any) -> StoredSession:
     return store.create_participant(shipped_study(), seed=number, public_id=f"public{number}", utc=UTC, **options)
 
 
-def reopened(store: Store) -> Store:
+def reopened(store: Store, place: DataPlace) -> Store:
     store.close()
-    return open_store(store.path.parent)
+    return open_store(place)
 
 
 # ---- enrolment
@@ -116,11 +124,11 @@ def test_a_token_is_found_by_its_hash_alone(store: Store) -> None:
     assert len(store.sessions()) == 1  # the refused one left nothing
 
 
-def test_a_session_comes_back_as_it_was(store: Store) -> None:
+def test_a_session_comes_back_as_it_was(store: Store, place: DataPlace) -> None:
     session = enrol(store, pace="lockstep")
     later, _ = FLOW.advance(session.session, "consent_given", 5.0)
     store.commit(Batch(session=later, consent=ConsentGiven(UTC, "c" * 64)))
-    store = reopened(store)
+    store = reopened(store, place)
     found = store.session(session.participant)
     assert (found.public_id, found.session, found.pace, found.order, found.seed) == (
         session.public_id,
@@ -140,7 +148,7 @@ def test_a_session_comes_back_as_it_was(store: Store) -> None:
 # ---- rows
 
 
-def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
+def test_every_row_comes_back_bit_for_bit(store: Store, place: DataPlace) -> None:
     who = enrol(store).participant
     rows: dict[str, Any] = {
         "ticks": [tick_row(who, 0), tick_row(who, 1, p_x=1 / 3, task=None, kind=None, goal=None, user_x=None)],
@@ -152,7 +160,7 @@ def test_every_row_comes_back_bit_for_bit(store: Store) -> None:
         "events": [event_row(who, "b"), event_row(who, "a", trial=None, tick=None)],
     }
     store.commit(Batch(**rows))
-    store = reopened(store)
+    store = reopened(store, place)
     for name, expected in rows.items():
         assert list(store.rows("survey_answers" if name == "answers" else name)) == expected
     store.close()
@@ -251,7 +259,7 @@ def test_demo_and_pilot_rows_are_read_only_when_asked_for(store: Store) -> None:
         list(store.rows("identities"))
 
 
-def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
+def test_erasing_leaves_a_mark_without_content(store: Store, place: DataPlace) -> None:
     secret = "recruited-through-the-dentist"
     gone = enrol(store, identities={"recruited": secret}, tokens={"participant": "a" * 64}).participant
     stays = enrol(store).participant
@@ -259,18 +267,17 @@ def test_erasing_leaves_a_mark_without_content(store: Store) -> None:
         store.commit(
             Batch(ticks=(tick_row(who),), answers=(answer_row(who, "comments", secret),) if who == gone else ())
         )
-    assert store.erase(gone, UTC)
+    assert store.erase(gone, UTC) is (True if place.url is None else None)
     found = [(table, row.participant) for table in TABLES for row in store.rows(table)]
     assert {who for _, who in found} == {stays}
     assert [table for table, _ in found if table != "chain"] == ["participants", "ticks"]
     assert store.participant_for_token("a" * 64) is None
     with store.snapshot() as recorded:
         assert recorded.erasures() == ((gone, UTC),)
-    path = store.path
     store.close()
-    for file in path.parent.iterdir():
+    for file in place.folder.iterdir() if place.url is None else ():
         assert secret.encode() not in file.read_bytes(), file.name
-    with open_store(path.parent) as again:
+    with open_store(place) as again:
         assert enrol(again).participant not in (gone, stays)
 
 
@@ -287,25 +294,25 @@ def test_a_snapshot_does_not_see_what_comes_later(store: Store) -> None:
 # ---- the file
 
 
-def test_the_file_is_durable_and_says_what_it_is(store: Store) -> None:
-    with store._database.read() as connection:
+def test_the_file_is_durable_and_says_what_it_is(file_store: Store) -> None:
+    with file_store._database.read() as connection:
         settings = [
             connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "synchronous", "foreign_keys")
         ]
     assert settings == ["wal", 2, 1]  # 2 is FULL
-    with store.snapshot() as recorded:
+    with file_store.snapshot() as recorded:
         assert recorded.machines() == (machine_fingerprint(),)
     assert {"python", "numpy", "cpu", "blas", "pybullet", "mujoco", "viser", "app"} <= set(machine_fingerprint())
 
 
-def test_another_schema_version_is_refused(store: Store) -> None:
-    store.close()
-    with sqlite3.connect(store.path) as connection:
+def test_another_schema_version_is_refused(file_store: Store) -> None:
+    file_store.close()
+    with sqlite3.connect(file_store.path) as connection:
         connection.execute("UPDATE meta SET value = '99' WHERE name = 'schema_version'")
     connection.close()
     with pytest.raises(StoreError, match=f"schema_version is 99, this version of the lab needs {SCHEMA_VERSION}"):
-        open_store(store.path.parent)
+        open_store(file_store.path.parent)
 
 
 @pytest.mark.parametrize("options", [{"must_exist": True}, {"exclusive": True}, {}])
@@ -330,19 +337,19 @@ def test_a_foreign_database_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["not_sqlite", "overwritten"])
-def test_a_damaged_file_is_one_clear_line(store: Store, damage: str) -> None:
-    who = enrol(store).participant
-    store.commit(Batch(ticks=tuple(tick_row(who, number) for number in range(200))))
-    store.close()
-    content = bytearray(store.path.read_bytes())
+def test_a_damaged_file_is_one_clear_line(file_store: Store, damage: str) -> None:
+    who = enrol(file_store).participant
+    file_store.commit(Batch(ticks=tuple(tick_row(who, number) for number in range(200))))
+    file_store.close()
+    content = bytearray(file_store.path.read_bytes())
     if damage == "not_sqlite":
         content[:100] = b"x" * 100
     else:
         content[8192:] = os.urandom(len(content) - 8192)
-    store.path.write_bytes(content)
+    file_store.path.write_bytes(content)
     with pytest.raises(StoreError) as caught:
-        open_store(store.path.parent)
-    assert str(store.path) in str(caught.value)
+        open_store(file_store.path.parent)
+    assert str(file_store.path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -364,30 +371,31 @@ def test_a_database_that_cannot_be_opened_is_one_clear_line(tmp_path: Path) -> N
         open_store(tmp_path)
 
 
-def test_two_labs_cannot_serve_one_folder_but_an_export_may_read_it(tmp_path: Path) -> None:
-    with open_store(tmp_path, exclusive=True):
+def test_two_labs_cannot_serve_the_same_data_but_an_export_may_read_it(place: DataPlace) -> None:
+    with open_store(place, exclusive=True):
         with pytest.raises(StoreError, match="another lab is running"):
-            open_store(tmp_path, exclusive=True)
-        with open_store(tmp_path, must_exist=True) as reader:
+            open_store(place, exclusive=True)
+        with open_store(place, must_exist=True) as reader:
             assert reader.sessions() == ()
-    open_store(tmp_path, exclusive=True).close()
+    open_store(place, exclusive=True).close()
 
 
-def test_an_export_waits_for_no_writer_and_holds_none_up(tmp_path: Path) -> None:
-    with open_store(tmp_path, exclusive=True) as serving:
+def test_an_export_waits_for_no_writer_and_holds_none_up(place: DataPlace) -> None:
+    with open_store(place, exclusive=True) as serving:
         who = enrol(serving).participant
-        with serving._database.write(), open_store(tmp_path, must_exist=True) as reader:  # a write is under way
+        with serving._database.write(), open_store(place, must_exist=True) as reader:  # a write is under way
             assert len(reader.sessions()) == 1
-        with open_store(tmp_path, must_exist=True) as reader, reader.snapshot():
+        with open_store(place, must_exist=True) as reader, reader.snapshot():
             append_tick(serving, tick_row(who))
 
 
-def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
-    with open_store(tmp_path) as store:
+def test_a_killed_lab_has_every_acknowledged_tick(place: DataPlace) -> None:
+    with open_store(place) as store:
         who = enrol(store).participant
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.store_writer", str(tmp_path), who],
+        [sys.executable, "-m", "tests.support.store_writer", str(place.folder), who],
         cwd=REPOSITORY,
+        env={**os.environ, **place.environment},
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -397,7 +405,7 @@ def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
     acknowledged += [int(line) for line in process.stdout.read().splitlines()]
     process.stdout.close()
     assert process.wait() == -signal.SIGKILL
-    with open_store(tmp_path, exclusive=True) as store:
+    with open_store(place, exclusive=True) as store:
         kept = [row.tick for row in store.rows("ticks")]
     assert kept[: len(acknowledged)] == acknowledged == list(range(len(acknowledged)))
     assert len(kept) - len(acknowledged) in (0, 1)  # at most the one that was not acknowledged yet
@@ -406,8 +414,8 @@ def test_a_killed_lab_has_every_acknowledged_tick(tmp_path: Path) -> None:
 # ---- from asyncio
 
 
-async def test_writes_happen_in_the_order_asked_even_for_one_who_left(tmp_path: Path) -> None:
-    store = AsyncStore(open_store(tmp_path))
+async def test_writes_happen_in_the_order_asked_even_for_one_who_left(place: DataPlace) -> None:
+    store = AsyncStore(open_store(place))
     who = (await store.run(lambda opened: enrol(opened))).participant
 
     def write(number: int) -> Callable[[Store], None]:

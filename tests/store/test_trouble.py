@@ -6,19 +6,21 @@ import asyncio
 import shutil
 import sqlite3
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sql
 
-from study.store import AsyncStore, Batch, Store, StoreTroubled, Trouble, TroubleKind, open_store
+from study.store import AsyncStore, Batch, DataPlace, Store, StoreTroubled, Trouble, TroubleKind, open_store
 from study.store.database import Database
-from tests.support.locked_database import locked
+from tests.support.data_places import found_in, locked
 from tests.support.study_samples import UTC, event_row, shipped_study
 
 PARTICIPANT = "P001"
 WITHIN_S = 5.0
+on_files = pytest.mark.parametrize("place", ["sqlite"], indirect=True)
+"""What a disk does to SQLite's file."""
 
 
 class Told:
@@ -37,8 +39,8 @@ class Told:
 
 
 @pytest.fixture
-async def store(tmp_path: Path) -> AsyncIterator[AsyncStore]:
-    opened = open_store(tmp_path / "data", exclusive=True)
+async def store(place: DataPlace) -> AsyncIterator[AsyncStore]:
+    opened = open_store(place, exclusive=True)
     opened.create_participant(shipped_study(), seed=1, public_id="public", utc=UTC)
     served = AsyncStore(opened)
     yield served
@@ -49,9 +51,8 @@ def one_event(kind: str) -> Callable[[Store], bool]:
     return lambda store: store.commit(Batch(events=(event_row(participant=PARTICIPANT, kind=kind),)))
 
 
-def kinds_in(folder: Path) -> list[str]:
-    with closing(sqlite3.connect(folder / "lab.sqlite")) as connection:
-        return [kind for (kind,) in connection.execute("SELECT kind FROM events ORDER BY rowid")]
+def kinds_in(place: DataPlace | Path) -> list[str]:
+    return [kind for (kind,) in found_in(place, "SELECT kind FROM events ORDER BY row_id")]
 
 
 # ---- disks that do not do, each with what makes it do again
@@ -88,19 +89,32 @@ def moved(store: Store) -> Iterator[None]:
     elsewhere.rename(folder)
 
 
-TROUBLES = {"locked": lambda store: locked(store.path.parent), "full": full, "read_only": read_only, "gone": moved}
+TROUBLES = {"full": full, "read_only": read_only, "gone": moved}
 
 
+@on_files
 @pytest.mark.parametrize("kind", TROUBLES)
 async def test_what_must_be_kept_waits_for_the_disk_and_is_written_once(
-    store: AsyncStore, kind: TroubleKind, tmp_path: Path
+    store: AsyncStore, kind: TroubleKind, place: DataPlace
+) -> None:
+    await kept_meanwhile(store, place, kind, TROUBLES[kind](store.store))
+
+
+async def test_what_must_be_kept_waits_for_another_program_and_is_written_once(
+    store: AsyncStore, place: DataPlace
+) -> None:
+    await kept_meanwhile(store, place, "locked", locked(place))
+
+
+async def kept_meanwhile(
+    store: AsyncStore, place: DataPlace, kind: TroubleKind, trouble_of_it: AbstractContextManager[None]
 ) -> None:
     told = Told(store)
     big = "x" * 20_000
     work = lambda opened: opened.commit(  # noqa: E731
         Batch(events=(event_row(participant=PARTICIPANT, kind="kept", data=f'{{"big": "{big}"}}'),))
     )
-    with TROUBLES[kind](store.store):
+    with trouble_of_it:
         kept = asyncio.create_task(store.keep(work))
         trouble = await told.until(lambda trouble: trouble is not None)
         assert trouble is not None and trouble.kind == kind
@@ -109,7 +123,7 @@ async def test_what_must_be_kept_waits_for_the_disk_and_is_written_once(
         assert not kept.done()
     await asyncio.wait_for(kept, WITHIN_S)
     assert store.trouble is None
-    assert kinds_in(tmp_path / "data") == ["kept"]
+    assert kinds_in(place) == ["kept"]
 
 
 async def test_what_takes_long_is_told_and_blames_nobody(store: AsyncStore) -> None:
@@ -125,8 +139,8 @@ async def test_what_takes_long_is_told_and_blames_nobody(store: AsyncStore) -> N
     assert store.trouble is None
 
 
-async def test_reading_does_not_wait_for_what_is_being_written(store: AsyncStore) -> None:
-    with locked(store.store.path.parent):
+async def test_reading_does_not_wait_for_what_is_being_written(store: AsyncStore, place: DataPlace) -> None:
+    with locked(place):
         kept = asyncio.create_task(store.keep(one_event("kept")))
         assert await store.read(lambda opened: opened.session(PARTICIPANT).participant) == PARTICIPANT
         assert not kept.done()
@@ -139,6 +153,7 @@ async def test_a_mistake_of_ours_is_no_trouble_of_the_disk(store: AsyncStore) ->
     assert store.trouble is None
 
 
+@on_files
 async def test_trouble_is_noticed_while_nobody_writes(store: AsyncStore, tmp_path: Path) -> None:
     told = Told(store)
     store.watch()
@@ -156,6 +171,7 @@ def write_over(path: Path) -> None:
         file.write(bytes(size - 4096))
 
 
+@on_files
 async def test_a_file_that_is_written_over_is_noticed_and_nothing_acknowledged(store: AsyncStore) -> None:
     """SQLite itself goes on, from what it remembers of the file."""
     await store.run(one_event("before"))
@@ -184,6 +200,7 @@ async def deleted(store: AsyncStore) -> Trouble:
     return trouble
 
 
+@on_files
 async def test_a_deleted_folder_is_noticed_and_all_of_it_copied_with_what_is_in_hand(
     store: AsyncStore, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -198,6 +215,7 @@ async def test_a_deleted_folder_is_noticed_and_all_of_it_copied_with_what_is_in_
     assert (trouble.rescue / "lab.sqlite").stat().st_mode & 0o077 == 0
 
 
+@on_files
 async def test_a_folder_put_in_its_place_is_neither_written_nor_taken_for_it(store: AsyncStore, tmp_path: Path) -> None:
     await store.run(one_event("before"))
     shutil.move(tmp_path / "data", tmp_path / "elsewhere")
@@ -209,6 +227,7 @@ async def test_a_folder_put_in_its_place_is_neither_written_nor_taken_for_it(sto
     assert kinds_in(tmp_path / "elsewhere") == ["before"]
 
 
+@on_files
 async def test_a_place_that_takes_no_copy_is_passed_by(
     store: AsyncStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,6 +246,7 @@ async def test_a_place_that_takes_no_copy_is_passed_by(
     assert trouble.rescue is not None and trouble.rescue.parent == home
 
 
+@on_files
 async def test_half_a_copy_is_taken_away(store: AsyncStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home = tmp_path / "home"
     home.mkdir()

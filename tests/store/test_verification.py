@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from study.flow.flow import FLOW
-from study.store import Batch, Cycle, Identity, Store, Submission, migration, open_store, verify_data
+from study.store import Batch, Cycle, DataPlace, Identity, Store, Submission, migration, open_store, verify_data
+from tests.support.data_places import changed_in, typed
+from tests.support.postgres_server import PostgresServer
 from tests.support.recordings import SCHEMAS, recorded_data
 from tests.support.study_samples import (
     UTC,
@@ -77,18 +79,36 @@ def data(recorded: bytes, tmp_path: Path) -> Path:
     return folder
 
 
-def changed(data: Path, statement: str) -> list[str]:
-    """What is found after somebody did this to the database."""
-    with closing(sqlite3.connect(data / "lab.sqlite")) as connection, connection:
-        assert connection.execute(statement).rowcount > 0
-    return [str(finding) for finding in verify_data(data).findings]
-
-
-def test_what_the_lab_wrote_is_as_recorded_while_it_runs_and_after(tmp_path: Path) -> None:
-    with open_store(tmp_path, exclusive=True) as store:
+@pytest.fixture(scope="module")
+def recorded_on_server(postgres: PostgresServer, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same in a database of PostgreSQL's, by its name."""
+    name = postgres.database()
+    with open_store(DataPlace(tmp_path_factory.mktemp("server"), postgres.url(name)), exclusive=True) as store:
         fill(store)
-        running = verify_data(tmp_path)
-    verdict = verify_data(tmp_path)
+    return name
+
+
+@pytest.fixture
+def filled(place: DataPlace, request: pytest.FixtureRequest) -> DataPlace:
+    """Either, for one test."""
+    if place.url is None:
+        return DataPlace(request.getfixturevalue("data"))
+    server: PostgresServer = request.getfixturevalue("postgres")
+    like = request.getfixturevalue("recorded_on_server")
+    return DataPlace(place.folder, server.url(server.database(like)))
+
+
+def changed(place: DataPlace, statement: str) -> list[str]:
+    """What is found after somebody did this to the database."""
+    assert changed_in(place, statement) > 0
+    return [str(finding) for finding in verify_data(place).findings]
+
+
+def test_what_the_lab_wrote_is_as_recorded_while_it_runs_and_after(place: DataPlace) -> None:
+    with open_store(place, exclusive=True) as store:
+        fill(store)
+        running = verify_data(place)
+    verdict = verify_data(place)
     assert running == verdict
     assert verdict.findings == () and verdict.notes == ()
     assert verdict.participants == 2
@@ -114,7 +134,7 @@ def test_what_the_lab_wrote_is_as_recorded_while_it_runs_and_after(tmp_path: Pat
         ("DELETE FROM ticks WHERE participant = 'P001' AND tick = 29",
          "ticks of P001, trial 1, tick 29: is missing; it was recorded"),
         ("DELETE FROM events WHERE kind = 'rejected'", "events of P001: has 3 rows; 4 were recorded"),
-        ("INSERT INTO events SELECT NULL, participant, trial, tick, utc, kind, source, data FROM events LIMIT 1",
+        ("INSERT INTO events SELECT 999, participant, trial, tick, utc, kind, source, data FROM events LIMIT 1",
          "events of P001, row 5: was not recorded by the lab: the chain does not have it"),
         ("UPDATE ticks SET tick = 31 WHERE tick = 29 AND participant = 'P002'",
          "ticks of P002, trial 1, tick 31: was not recorded by the lab, or is there twice: the chain does not have it"),
@@ -123,36 +143,46 @@ def test_what_the_lab_wrote_is_as_recorded_while_it_runs_and_after(tmp_path: Pat
         ("DELETE FROM chain WHERE participant = 'P001' AND seq = 20",
          "chain of P001, link 21: the link before it has number 19"),
         ("UPDATE studies SET text = text || ' '", "studies, "),
-        ("DELETE FROM sqlite_sequence", "sqlite_sequence: says that 0 numbers of participants were given out, not 2"),
     ],
 )  # fmt: skip
-def test_what_somebody_changed_is_named(data: Path, statement: str, found: str) -> None:
-    findings = changed(data, statement)
+def test_what_somebody_changed_is_named(filled: DataPlace, statement: str, found: str) -> None:
+    findings = changed(filled, statement)
     assert any(finding.startswith(found) for finding in findings), findings
 
 
-def test_a_participant_who_is_gone_without_an_erasure_is_missed(data: Path) -> None:
+def test_a_count_of_the_numbers_that_was_changed_is_found(filled: DataPlace) -> None:
+    where = "sqlite_sequence" if filled.url is None else "meta"
+    which = "" if filled.url is None else " WHERE name = 'numbers_given_out'"
+    assert changed(filled, f"DELETE FROM {where}{which}") == [
+        f"{where}: says that 0 numbers of participants were given out, not 2"
+    ]
+
+
+def test_a_row_whose_participant_is_gone_is_found(filled: DataPlace) -> None:
+    findings = changed(filled, "UPDATE identities SET participant = 'P404' WHERE participant = 'P002'")
+    assert any(finding.endswith("belongs to a row of sessions that is missing") for finding in findings)
+
+
+def test_a_participant_who_is_gone_without_an_erasure_is_missed(filled: DataPlace) -> None:
     tables = ("ticks", "practice_ticks", "trials", "tasks", "alerts", "survey_answers", "events", "participants")
     own = ("certificates", "chain", "cycles", "submissions", "identities", "tokens", "sessions")
-    with closing(sqlite3.connect(data / "lab.sqlite")) as connection, connection:
-        for table in (*tables, *own):
-            connection.execute(f"DELETE FROM {table} WHERE participant = 'P002'")
-    (finding,) = verify_data(data).findings
+    changed_in(filled, *(f"DELETE FROM {table} WHERE participant = 'P002'" for table in (*tables, *own)))
+    (finding,) = verify_data(filled).findings
     assert str(finding) == "sessions: participant number 2 is missing, and was not erased"
 
 
-def test_an_erased_participant_leaves_a_tombstone_over_no_content(data: Path) -> None:
-    with open_store(data, exclusive=True) as store:
+def test_an_erased_participant_leaves_a_tombstone_over_no_content(filled: DataPlace) -> None:
+    with open_store(filled, exclusive=True) as store:
         store.erase("P002", UTC)
         with store.snapshot() as left:
             assert {link.participant for link in left.rows("chain")} == {WHO}
-    assert verify_data(data).findings == ()
-    found = changed(data, "UPDATE erasures SET utc = '2027-01-01T00:00:00.000Z'")
+    assert verify_data(filled).findings == ()
+    found = changed(filled, "UPDATE erasures SET utc = '2027-01-01T00:00:00.000Z'")
     assert "erasures, P002: the mark is not as it was made" in found
 
 
-def test_later_acts_leave_what_was_so_before_provable(data: Path) -> None:
-    with open_store(data, must_exist=True) as store:
+def test_later_acts_leave_what_was_so_before_provable(filled: DataPlace) -> None:
+    with open_store(filled, must_exist=True) as store:
         with store.snapshot() as recorded:
             links = recorded.rows_of("chain", WHO, row_table="trials")
         (row,) = store.rows_of("trials", WHO)
@@ -162,10 +192,10 @@ def test_later_acts_leave_what_was_so_before_provable(data: Path) -> None:
     assert [link.content for link in links] == [content_of("trials", vars(one)) for one in (before, row)]
 
 
-def test_what_no_export_holds_cannot_be_guessed_from_its_hash(data: Path) -> None:
+def test_what_no_export_holds_cannot_be_guessed_from_its_hash(filled: DataPlace) -> None:
     from study.integrity.content import content_of
 
-    with open_store(data, must_exist=True) as store, store.snapshot() as recorded:
+    with open_store(filled, must_exist=True) as store, store.snapshot() as recorded:
         links = [recorded.rows_of("chain", who, row_table="identities") for who in ("P001", "P002")]
     guesses = {content_of("identities", {"participant": who, "kind": "label", "value": "somebody"})
                for who in ("P001", "P002")}  # fmt: skip
@@ -188,15 +218,15 @@ def test_data_of_before_get_a_chain_that_says_when_it_began(schema: str, tmp_pat
 
 
 def test_the_command_says_what_does_not_fit_and_ends_with_status_1(
-    data: Path, capsys: pytest.CaptureFixture[str]
+    filled: DataPlace, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, told, _ = run(capsys, "verify", "--data", str(data))
+    status, told, _ = run(capsys, "verify", "--data", typed(filled))
     assert status == 0 and "as recorded: 2 participants" in told
-    changed(data, "UPDATE ticks SET digest = 'x' WHERE participant = 'P002' AND tick = 3")
-    status, told, _ = run(capsys, "verify", "--data", str(data))
+    changed(filled, "UPDATE ticks SET digest = 'x' WHERE participant = 'P002' AND tick = 3")
+    status, told, _ = run(capsys, "verify", "--data", typed(filled))
     assert status == 1
     assert "ticks of P002, trial 1, tick 3: column digest is not as recorded" in told
-    status, _, error = run(capsys, "verify", "--data", str(data.parent / "absent"))
+    status, _, error = run(capsys, "verify", "--data", str(filled.folder.parent / "absent"))
     assert status == 1 and "no lab data here" in error
 
 

@@ -10,13 +10,13 @@ import asyncio
 import itertools
 import sys
 
-from study.store import AsyncStore, Batch, open_store
+from study.store import AsyncStore, Batch, handed_over, open_store
 from tests.support.study_samples import append_tick, tick_row
 
 
 def alone(folder: str, who: str) -> None:
     """Ticks of one person."""
-    with open_store(folder, exclusive=True) as store:
+    with open_store(handed_over(folder), exclusive=True) as store:
         for number in itertools.count():
             append_tick(store, tick_row(who, tick=number))
             print(number, flush=True)
@@ -24,7 +24,7 @@ def alone(folder: str, who: str) -> None:
 
 async def together(folder: str, *people: str) -> None:
     """Ticks of several people, each of whom waits for their own."""
-    store = AsyncStore(open_store(folder, exclusive=True))
+    store = AsyncStore(open_store(handed_over(folder), exclusive=True))
 
     async def drive(who: str) -> None:
         for number in itertools.count():
