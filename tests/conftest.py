@@ -187,6 +187,14 @@ def postgres() -> Iterator[PostgresServer]:
     postgres_server.remove(server)
 
 
+@pytest.fixture
+def own_postgres(postgres: PostgresServer) -> Iterator[PostgresServer]:
+    """One of the test's own, which it may stop. Where there is one for the session there is one more."""
+    server = postgres_server.start()
+    yield server
+    postgres_server.remove(server)
+
+
 # --- a running lab -----------------------------------------------------------------------------------------------
 
 

@@ -106,7 +106,7 @@ class PostgresServer:
         self._parameters = {**url.translate_connect_args(username="user", database="dbname"), **url.query}
         self.reading = self._engine(self._connect_reader, size=READERS, isolation_level="REPEATABLE READ")
         self.writing = self._engine(self._connect_writer, size=1)
-        sql.event.listen(self.writing, "begin", _alone)
+        sql.event.listen(self.writing, "begin", _one_writer)
 
     def _engine(self, creator: Any, size: int, **options: Any) -> sql.Engine:
         more = 0 if size == 1 else READERS
@@ -153,8 +153,16 @@ class PostgresServer:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """The lock is on the connection that writes: nobody waits for a lab here."""
-        yield
+        """With the lab's lock, as long as it takes, unless this is the lab: its connection for writing has it."""
+        if self._is_serving:
+            yield
+            return
+        connection = self._connect()
+        try:
+            self._must_be_alone(connection)
+            yield
+        finally:
+            connection.close()
 
     def copy_aside(self, revision: str) -> None:
         """All of it is done in one transaction or nothing; the way back is the server's own backup."""
@@ -248,6 +256,11 @@ class PostgresServer:
             raise
         return connection
 
+    def _must_be_alone(self, connection: Any) -> None:
+        """Take the lab's lock, for as long as the connection lives. Raises `StoreTroubled` when another one has it."""
+        if not connection.execute(f"SELECT pg_try_advisory_lock{SERVING}").fetchone()[0]:
+            raise StoreTroubled("locked", f"{self.name}: another lab is running on this database")
+
     def _connect_reader(self) -> Any:
         connection = self._connect()
         connection.autocommit = False
@@ -257,8 +270,8 @@ class PostgresServer:
     def _connect_writer(self) -> Any:
         connection = self._connect()
         try:
-            if self._is_serving and not connection.execute(f"SELECT pg_try_advisory_lock{SERVING}").fetchone()[0]:
-                raise StoreTroubled("locked", f"{self.name}: another lab is running on this database")
+            if self._is_serving:
+                self._must_be_alone(connection)
         except BaseException:
             connection.close()
             raise
@@ -266,6 +279,6 @@ class PostgresServer:
         return connection
 
 
-def _alone(connection: sql.Connection) -> None:
+def _one_writer(connection: sql.Connection) -> None:
     """One writer at a time: until the transaction ends."""
     driver_of(connection).execute(f"SELECT pg_advisory_xact_lock{WRITING}")

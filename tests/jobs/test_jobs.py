@@ -160,8 +160,8 @@ async def test_erasing_that_is_killed_deletes_nothing_and_says_so(
 async def test_erasing_that_was_done_when_it_was_killed_counts(
     data: Path, store: AsyncStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def killed(module: str, arguments: Any, told: Any) -> dict[str, Any]:
-        await run_job(module, arguments, told)
+    async def killed(module: str, arguments: Any, told: Any, environment: Any) -> dict[str, Any]:
+        await run_job(module, arguments, told, environment)
         raise JobLost("process ended with -9")
 
     monkeypatch.setattr(eraser, "run_job", killed)

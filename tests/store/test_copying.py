@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from study.export.export import export
 from study.integrity.signing import KEY_NAME
 from study.store import DataPlace, Store, StoreError, copy, open_store, verify_data
 from study.store.tables import METADATA
@@ -18,6 +19,8 @@ from tests.support.study_samples import UTC, event_row, shipped_study
 from tests.support.typed_command import run
 
 OWN = ("meta", "alembic_version")
+SUMMED = ("datapackage.json", "meta.json", "SHA256SUMS")
+"""Files of an export that hold the hashes of others."""
 
 
 @pytest.fixture
@@ -115,3 +118,18 @@ def test_the_command_says_what_it_did(
     assert status == 1 and "holds data already" in error
     status, _, error = run(capsys, "copy", typed(folder), str(on_server.folder))
     assert status == 1 and "one of the two must be the URL" in error
+
+
+def test_the_same_inputs_are_exported_as_the_same_bytes(on_server: DataPlace, tmp_path: Path) -> None:
+    for name, place in (("file", DataPlace(tmp_path / "data")), ("server", on_server)):
+        with open_store(place, exclusive=True) as store:
+            fill(store)
+            export(store, tmp_path / name)
+    differing = {  # what is salted, signed, or a sum of those
+        path.name
+        for path in (tmp_path / "file").iterdir()
+        if path.read_bytes() != (tmp_path / "server" / path.name).read_bytes()
+    }
+    salted = {"chain", "certificates"}
+    assert differing <= {*(f"{name}.{ending}" for name in salted for ending in ("csv", "parquet")), *SUMMED}
+    assert (tmp_path / "server" / "ticks.csv").stat().st_size > 1000

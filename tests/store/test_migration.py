@@ -25,13 +25,15 @@ from study.analysis.analysis import analyse
 from study.analysis.dataset import load
 from study.export.export import export, read_meta, read_table
 from study.records import TABLES
-from study.store import StoreError, migration, open_store, verify_data
+from study.store import Batch, DataPlace, StoreError, migration, open_store, verify_data
 from study.store.database import Database
 from study.store.tables import METADATA
 from tests.support import recordings
+from tests.support.data_places import found_in
 from tests.support.lab_server import ROOT, LabServer
+from tests.support.postgres_server import PostgresServer
 from tests.support.recordings import DEMO, ERASED, FINISHED, MIDWAY, PILOT, recorded_data, recorded_export, study_file
-from tests.support.study_samples import shipped_study
+from tests.support.study_samples import shipped_study, task_row
 from tests.support.wire_client import asked, events, stored, visit
 
 UTC = "2026-01-01T00:00:00.000Z"
@@ -419,3 +421,49 @@ def test_ticks_of_before_say_who_decided(table: str, tmp_path: Path) -> None:
     assert {row["departure"] for row in after if row["source"] not in ("user", "blend")} == {None}
     departures = sorted(row["departure"] for row in after if row["source"] == "blend")
     assert departures == pytest.approx([1.0, (2 + 2**0.5) ** 0.5])
+
+
+# ---- on a server
+
+
+@pytest.fixture
+def on_server(postgres: PostgresServer, tmp_path: Path) -> DataPlace:
+    """A database of this version, with somebody in it."""
+    place = DataPlace(tmp_path / "own", postgres.url(postgres.database()))
+    with open_store(place, exclusive=True) as store:
+        made = store.create_participant(shipped_study(), seed=1, public_id="first", utc=UTC)
+        store.commit(Batch(tasks=(task_row(made.participant),)))
+    return place
+
+
+@pytest.mark.parametrize("opened_by", ["lab", "export"])
+def test_an_older_database_on_a_server_is_brought_up(
+    opened_by: str, on_server: DataPlace, later: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    later()
+    open_store(on_server, exclusive=opened_by == "lab", must_exist=opened_by == "export").close()
+    assert found_in(on_server, "SELECT made_up FROM tasks") == [(1,)]
+    assert found_in(on_server, "SELECT version_num FROM alembic_version") == [(NEXT,)]
+    with open_store(on_server) as store:
+        assert store.create_participant(shipped_study(), seed=1, public_id="new", utc=UTC).participant == "P002"
+    monkeypatch.undo()
+    with pytest.raises(StoreError, match=f"written by a later version .*schema {NEXT}"):
+        open_store(on_server, must_exist=True)
+
+
+def test_a_revision_that_fails_on_a_server_changes_nothing(on_server: DataPlace, later: Callable[..., Path]) -> None:
+    all_of_them = "SELECT table_name, column_name FROM information_schema.columns WHERE table_schema = 'public'"
+    columns = f"{all_of_them} ORDER BY 1, 2"
+    before = found_in(on_server, columns)
+    later("op.execute('UPDATE absent SET x = 1')")
+    with pytest.raises(StoreError, match='relation "absent" does not exist; nothing was changed') as caught:
+        open_store(on_server, exclusive=True)
+    assert "\n" not in str(caught.value)
+    assert found_in(on_server, columns) == before
+
+
+def test_no_export_brings_up_what_a_lab_has_open(on_server: DataPlace, later: Callable[..., Path]) -> None:
+    with open_store(on_server, exclusive=True):
+        later()
+        with pytest.raises(StoreError, match="another lab is running"):
+            open_store(on_server, must_exist=True)

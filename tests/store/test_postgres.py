@@ -29,20 +29,9 @@ def place(postgres: PostgresServer, tmp_path: Path) -> DataPlace:
 
 
 @pytest.fixture
-def own_server() -> Iterator[PostgresServer]:
-    """One that a test may stop."""
-    try:
-        server = postgres_server.start()
-    except postgres_server.NoPostgres as error:
-        pytest.skip(str(error))
-    yield server
-    postgres_server.remove(server)
-
-
-@pytest.fixture
-async def served(own_server: PostgresServer, tmp_path: Path) -> AsyncIterator[AsyncStore]:
+async def served(own_postgres: PostgresServer, tmp_path: Path) -> AsyncIterator[AsyncStore]:
     """A store on it, as a lab has it."""
-    place = DataPlace(tmp_path / "own", own_server.url(own_server.database()))
+    place = DataPlace(tmp_path / "own", own_postgres.url(own_postgres.database()))
     opened = open_store(place, exclusive=True)
     enrol(opened)
     store = AsyncStore(opened)
@@ -122,12 +111,9 @@ def test_a_reader_who_leaves_and_one_who_goes_on_hold_nobody_up(place: DataPlace
 
 
 @pytest.fixture(scope="module")
-def guarded() -> Iterator[PostgresServer]:
+def guarded(postgres: PostgresServer) -> Iterator[PostgresServer]:
     """A server that asks for passwords, and has people with fewer rights."""
-    try:
-        server = postgres_server.start()
-    except postgres_server.NoPostgres as error:
-        pytest.skip(str(error))
+    server = postgres_server.start()
     server.run("CREATE ROLE reader LOGIN PASSWORD 'a right one'")
     server.run("CREATE DATABASE study TEMPLATE template0")
     server.run("REVOKE CREATE ON SCHEMA public FROM PUBLIC", "study")
@@ -211,27 +197,27 @@ async def until(store: AsyncStore, wanted: Callable[[Any], bool]) -> None:
 
 
 async def test_what_happens_while_the_server_is_away_is_kept_and_written_once(
-    served: AsyncStore, own_server: PostgresServer
+    served: AsyncStore, own_postgres: PostgresServer
 ) -> None:
     served.watch()
     assert await served.commit(Batch(ticks=(tick_row(WHO, 0),)))
-    await asyncio.to_thread(own_server.stop)
+    await asyncio.to_thread(own_postgres.stop)
     kept = asyncio.create_task(served.commit(Batch(ticks=(tick_row(WHO, 1),))))
     await until(served, lambda trouble: trouble is not None and trouble.kind == "unreachable")
     with pytest.raises(StoreTroubled):
         await served.run(lambda store: store.add_identity(WHO, "note", "now"))
     assert not kept.done()
-    await asyncio.to_thread(own_server.start)
+    await asyncio.to_thread(own_postgres.start)
     assert await asyncio.wait_for(kept, WITHIN_S)
     await until(served, lambda trouble: trouble is None)
     assert [row.tick for row in served.store.rows("ticks")] == [0, 1]
 
 
-async def test_trouble_is_noticed_while_nobody_writes(served: AsyncStore, own_server: PostgresServer) -> None:
+async def test_trouble_is_noticed_while_nobody_writes(served: AsyncStore, own_postgres: PostgresServer) -> None:
     served.watch()
-    await asyncio.to_thread(own_server.stop, "immediate")
+    await asyncio.to_thread(own_postgres.stop, "immediate")
     await until(served, lambda trouble: trouble is not None and trouble.kind == "unreachable")
-    await asyncio.to_thread(own_server.start)
+    await asyncio.to_thread(own_postgres.start)
     await until(served, lambda trouble: trouble is None)
 
 

@@ -16,6 +16,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO
 
+from study.store import DataPlace
+
 ROOT = Path(__file__).resolve().parents[2]
 EXPERIMENTER_TOKEN = "experimenter-token-for-tests-0123456789abcdef"
 START_TIMEOUT_S = 60.0
@@ -36,8 +38,14 @@ class LabServer(AbstractContextManager["LabServer"]):
     data_dir: Path
     process: subprocess.Popen[str]
     log_path: Path
+    database_url: str | None = None
     experimenter_token: str = EXPERIMENTER_TOKEN
     _readers: Sequence[threading.Thread] = field(default=(), repr=False)
+
+    @property
+    def data(self) -> DataPlace:
+        """Where its data are."""
+        return DataPlace(self.data_dir, self.database_url)
 
     @property
     def headers(self) -> dict[str, str]:
@@ -94,16 +102,18 @@ def start(
     program: Sequence[str] = ("-m", "app"),
     interpreter: Path | str = sys.executable,
     folder: Path | None = None,
+    url: str | None = None,
 ) -> LabServer:
-    """`salab serve --port 0 --data data_dir arguments...`, returned once it answers; `program` is what Python runs for
-    `salab`, in the checkout, or in another `folder` with the lab that the `interpreter` there has installed.
+    """`salab serve --port 0 --data data_dir arguments...`, returned once it answers. With the `url` of a database, its
+    data are there, and the folder is for its own files. `program` is what Python runs for `salab`, in the checkout, or
+    in another `folder` with the lab that the `interpreter` there has installed.
 
     Raises:
         LabDidNotStart: with the process's exit code and output.
     """
     data_dir.mkdir(parents=True, exist_ok=True)
     log_path = data_dir.with_name(data_dir.name + ".log")
-    command = [str(interpreter), *program, "serve", "--port", "0", "--data", str(data_dir), *arguments]
+    command = [str(interpreter), *program, "serve", "--port", "0", *_place(data_dir, url), *arguments]
     process = subprocess.Popen(
         command,
         cwd=folder or ROOT,
@@ -140,10 +150,15 @@ def start(
         experimenter_link=links["experimenter_link"],
         demo_link=links["demo_link"],
         data_dir=data_dir,
+        database_url=url,
         process=process,
         log_path=log_path,
         _readers=(reader,),
     )
+
+
+def _place(folder: Path, url: str | None) -> Sequence[str]:
+    return ("--data", str(folder)) if url is None else ("--data", url, "--folder", str(folder))
 
 
 def _drain(stream: IO[str], log_path: Path, ready: queue.Queue[dict[str, str] | None]) -> None:

@@ -114,7 +114,7 @@ async def command(lab: LabServer, participant: str, name: str, reason: str | Non
 def stored(lab: LabServer) -> Any:
     """The lab's database, read beside it."""
     store: Store
-    with open_store(lab.data_dir, must_exist=True) as store:
+    with open_store(lab.data, must_exist=True) as store:
         yield store
 
 
