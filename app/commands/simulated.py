@@ -89,7 +89,8 @@ def analyze(
             looked.result()
         data = load(directory, as_written=not changed)
         claim(out)  # before the work, not after it
-        print(f"report: {write_report(analyse(data), out, heatmap_of(data))}")
+        analysis = analyse(data)
+    print(f"report: {write_report(analysis, out, heatmap_of(data))}")
 
 
 @commands.command(rich_help_panel=SIMULATE_AND_ANALYSE, epilog="Example: salab figure2 --preset fitted --out maps")

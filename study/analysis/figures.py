@@ -471,7 +471,9 @@ def figure_of(width_mm: float, height_mm: float) -> Iterator[Figure]:
 
 def rendered(figure: Figure, dpi: int = PNG_DPI) -> tuple[str, bytes]:
     """The figure as SVG and PNG."""
-    figure.draw_without_rendering()
+    layout = figure.get_layout_engine()
+    assert layout is not None
+    layout.execute(figure)
     figure.set_layout_engine("none")  # laid out once, not once for each file
     svg, png = io.StringIO(), io.BytesIO()
     figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
