@@ -88,7 +88,6 @@ def serve(
     Prints the link of the experimenter's page, from which participants are invited. Stop it with Ctrl+C.
     """
     import asyncio
-    import gc
 
     from app.monitoring.log_setup import end_with_whole_log, set_up_logging
     from app.processes import without_collections
@@ -131,7 +130,6 @@ def serve(
                 address = f"[{config.host}]" if ":" in config.host else config.host
                 lab.base_url = f"http://{address}:{listener.getsockname()[1]}"
             site = create_app(lab)
-            gc.freeze()  # what a lab begins with it has until it ends: no collection looks at it again
         asyncio.run(_run_server(lab, site, listener))
 
 
