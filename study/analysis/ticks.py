@@ -1,7 +1,7 @@
 """The ticks of an export, as a stream of what is measured of them: a thousand trials are a third of a gigabyte.
 
-Of a table that is as it was written the Parquet is read, which has the same values in a quarter of the time. Whatever is
-not in order there, or looks wrong, is read from the CSV, whose errors name the line and the cell.
+Of a table that is as it was written the Parquet is read, which has the same values in a quarter of the time. Whatever
+is not in order there, or looks wrong, is read from the CSV, whose errors name the line and the cell.
 """
 
 from __future__ import annotations

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from app.processes import without_collections
 from tests.support.lab_server import ROOT
 
 NOT_AT_FIRST = {
@@ -36,3 +40,14 @@ def test_a_lab_is_ready_without_physics_scene_statistics_or_plotting(tmp_path: P
     loaded = set(line.split()[1:])
     assert {"app.lab.lab", "app.web.server", "uvicorn"} <= loaded
     assert not sorted(NOT_AT_FIRST & loaded)
+
+
+def test_garbage_is_looked_for_again_after_a_start_whatever_came_of_it() -> None:
+    assert gc.isenabled()
+    with pytest.raises(ZeroDivisionError), without_collections():
+        assert not gc.isenabled()
+        _ = 1 / 0
+    assert gc.isenabled()
+    with without_collections(), without_collections():
+        pass
+    assert gc.isenabled()
