@@ -27,9 +27,14 @@ def backup(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", parser=options.place, help="folder to make", show_default=False)
     ],
-    data: Annotated[Path, folder("folder of the database; a lab may be running on it")] = DATA_DIR,
+    data: Annotated[
+        DataPlace, options.data("folder of the database, or address of one; a lab may be running on it")
+    ] = LabConfig().data,
+    own_folder: Annotated[Path | None, options.own_folder()] = None,
 ) -> None:
-    """Copy the data folder, as of one moment, while a lab runs.
+    """Copy the data, as of one moment, while a lab runs.
+
+    A backup is a data folder, whatever kind of database the data are in.
 
     The copy is checked as by `salab verify`. It holds everybody's data and what identifies them, and is its owner's
     alone. Whoever is erased later is still in it.
@@ -37,7 +42,7 @@ def backup(
     from study.records import utc_text
     from study.store import back_up
 
-    verdict = back_up(data, out, utc_text(time.time()))
+    verdict = back_up(options.beside(data, own_folder), out, utc_text(time.time()))
     for finding in verdict.findings:
         print(finding)
     print(f"backed up to {shown(str(out))}: {verdict.participants} participants, {verdict.links} links")

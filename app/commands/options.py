@@ -108,6 +108,8 @@ def place(text: str | Path) -> Path:
     name would be made else, and removing it would remove another one."""
     if not str(text):
         raise typer.BadParameter("the name of a file or folder is empty; . is this folder")
+    if is_url(str(text)):  # which is not shown: it may hold a password
+        raise typer.BadParameter("an address stands where a file or folder is asked for")
     return Path(os.path.expanduser(text))  # unlike `Path.expanduser`, it leaves ./~ what it says
 
 

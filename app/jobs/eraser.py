@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
 from pathlib import Path
 
 from app.errors import LabError
@@ -22,18 +21,16 @@ async def erase(store: AsyncStore, data: DataPlace | Path, participant: str, utc
     place = place_of(data)
     folder = str(await asyncio.to_thread(place.folder.resolve))
     return await asyncio.shield(
-        asyncio.create_task(_erase(store, participant, (folder, participant, utc), place.environment), name="erase")
+        asyncio.create_task(_erase(store, participant, (folder, participant, utc), place), name="erase")
     )
 
 
-async def _erase(
-    store: AsyncStore, participant: str, arguments: tuple[str, str, str], environment: Mapping[str, str]
-) -> bool | None:
+async def _erase(store: AsyncStore, participant: str, arguments: tuple[str, str, str], place: DataPlace) -> bool | None:
     try:
-        end = await run_job("app.jobs.erase_job", arguments, lambda step: None, environment)
+        end = await run_job("app.jobs.erase_job", arguments, lambda step: None, place.environment)
     except JobLost as lost:
         if await store.read(lambda opened: participant in dict(opened.erasures())):
-            return None if environment else False  # it was done; a file's log is emptied at the next erasure
+            return None if place.url else False  # it was done; a file's log is emptied at the next erasure
         raise LabError(f"{participant} is not erased: the {lost}. Nothing was deleted; try again") from None
     if "trouble" in end:
         raise StoreTroubled(end["trouble"], end["cannot"])

@@ -23,6 +23,7 @@ The rest of the project uses the names below and nothing further in. Where to lo
     certificates  what there was of somebody who has ended, signed
     page_sums     checksums of the pages while no lab runs
     backup        a copy of the data folder while a lab runs, and the way back
+    whole         a folder that is there whole or not at all
     copying       from a data folder into a database on a server, and back
     reading       a database as it stands, for its verification
     verification  whether a data folder holds what was recorded

@@ -1,28 +1,28 @@
 """A copy of the data folder while a lab runs, and the way back.
 
-A backup is a data folder with checksums: the database as of one moment (SQLite's backup API), the lab's key, and the
-study files of the participants to read. It belongs to its owner alone. Everything is written beside the place where it
-is to stand, and moved there when it is whole and on disk.
+A backup is a data folder with checksums: the database as of one moment (by SQLite's backup API, or row by row from a
+server), the lab's key, and the study files of the participants to read. It belongs to its owner alone. Everything is
+written beside the place where it is to stand, and moved there when it is whole and on disk.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from study.disk.flushing import to_disk
 from study.integrity.checksums import SUMS_NAME, changed_files, check_sums, digest, sums_of
 from study.integrity.findings import Verdict
 from study.integrity.signing import KEY_NAME
+from study.store.copying import copy_rows
+from study.store.place import DataPlace, place_of
 from study.store.sqlite_file import FILE_NAME
 from study.store.values import StoreError
 from study.store.verification import verify_data
+from study.store.whole import made_whole
 
 NOTE_NAME = "backup.json"
 FORMAT = "shared-autonomy-lab backup"
@@ -30,20 +30,20 @@ KEPT = (KEY_NAME,)
 """Files of a data folder beside the database that a restored lab needs."""
 
 
-def back_up(folder: Path, out: Path, utc: str) -> Verdict:
-    """Copy a data folder, and say whether the copy holds what was recorded. Raises `StoreError` when there is no lab
-    data, the place is taken, or the copy cannot be written: then there is none."""
-    source = folder / FILE_NAME
-    if not source.is_file():
+def back_up(data: DataPlace | Path, out: Path, utc: str) -> Verdict:
+    """Copy a lab's data, and say whether the copy holds what was recorded. Raises `StoreError` when there are none, the
+    place is taken, or the copy cannot be written: then there is none."""
+    place = place_of(data)
+    folder, source = place.folder, place.folder / FILE_NAME
+    if place.url is None and not source.is_file():
         raise StoreError(f"{folder}: no lab data here ({FILE_NAME} is missing)")
     _refuse_inside(out, folder, "a backup is lost with the folder that it lies in, and erasing does not reach it")
     with made_whole(out) as made:
-        address = f"file:{quote(str(source.absolute()))}?mode=ro"
-        with (
-            closing(sqlite3.connect(address, uri=True, timeout=10.0)) as database,
-            closing(sqlite3.connect(made / FILE_NAME)) as copy,
-        ):
-            database.backup(copy)
+        if place.url is None:
+            _copy_file(source, made / FILE_NAME)
+        else:
+            copy_rows(place, made)
+        with closing(sqlite3.connect(made / FILE_NAME)) as copy:
             copy.execute("PRAGMA journal_mode=DELETE")  # a file that stands alone, with no log beside it
             studies = copy.execute("SELECT hash, text FROM studies").fetchall()
         for study_hash, text in studies:
@@ -57,6 +57,15 @@ def back_up(folder: Path, out: Path, utc: str) -> Verdict:
         sums = {path.name: digest(path) for path in made.iterdir()}
         (made / SUMS_NAME).write_text(sums_of(sums), encoding="utf-8")
     return verdict
+
+
+def _copy_file(source: Path, target: Path) -> None:
+    address = f"file:{quote(str(source.absolute()))}?mode=ro"
+    with (
+        closing(sqlite3.connect(address, uri=True, timeout=10.0)) as database,
+        closing(sqlite3.connect(target)) as copy,
+    ):
+        database.backup(copy)
 
 
 def restore(backup: Path, folder: Path) -> Verdict:
@@ -87,28 +96,3 @@ def restore(backup: Path, folder: Path) -> Verdict:
 def _refuse_inside(place: Path, folder: Path, why: str) -> None:
     if place.resolve().is_relative_to(folder.resolve()) and place.resolve() != folder.resolve():
         raise StoreError(f"{place}: lies in {folder}; {why}; choose another place")
-
-
-@contextmanager
-def made_whole(place: Path) -> Iterator[Path]:
-    """A folder beside `place` to be filled, which takes its place when the `with` ends; on disk, and its owner's."""
-    place = place.absolute()
-    made = place.with_name(f".{place.name}.{os.getpid()}.unfinished")
-    try:
-        if place.exists() and (not place.is_dir() or any(place.iterdir())):
-            raise StoreError(f"{place}: there already; choose another place, or move it away")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        made.mkdir(mode=0o700)
-        yield made
-        for path in made.iterdir():
-            path.chmod(0o600)
-            to_disk(path)
-        to_disk(made)
-        if place.exists():
-            place.rmdir()
-        made.rename(place)
-        to_disk(place.parent)
-    except (OSError, sqlite3.Error) as error:
-        raise StoreError(f"{place}: cannot be written: {error}") from None
-    finally:
-        shutil.rmtree(made, ignore_errors=True)

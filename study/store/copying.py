@@ -19,7 +19,6 @@ from study.integrity.chain import Head
 from study.integrity.findings import Verdict
 from study.integrity.signing import KEY_NAME
 from study.store import numbering
-from study.store.backup import made_whole
 from study.store.place import DataPlace
 from study.store.snapshot import Snapshot
 from study.store.statements import insertion, run_many
@@ -27,6 +26,7 @@ from study.store.store import Store, open_store
 from study.store.tables import META, METADATA, VERSION
 from study.store.values import StoreError
 from study.store.verification import verify_data
+from study.store.whole import made_whole
 
 AT_ONCE = 1000
 """Rows that are held in memory."""
@@ -61,6 +61,12 @@ def copy(source: DataPlace, target: DataPlace) -> Copied:
             copied = _into(opened, DataPlace(made))
             _copy_key(opened.folder, made)
         return copied
+
+
+def copy_rows(source: DataPlace, folder: Path) -> None:
+    """Copy everything as of one moment, whatever is written meanwhile, into a folder that somebody makes whole."""
+    with open_store(source, must_exist=True) as opened, open_store(folder) as copied:
+        _fill(opened, copied)
 
 
 def _into_server(source: Store, target: DataPlace) -> Copied:

@@ -38,7 +38,7 @@ class DataPlace:
     @property
     def environment(self) -> Mapping[str, str]:
         """What a process of ours needs beside the folder; see `handed_over`."""
-        return {} if self.url is None else {VARIABLE: self.url}
+        return {VARIABLE: self.url or ""}  # said in any case: somebody may have set it
 
 
 def place_of(given: DataPlace | Path | str) -> DataPlace:
@@ -48,7 +48,7 @@ def place_of(given: DataPlace | Path | str) -> DataPlace:
 
 def handed_over(folder: Path | str) -> DataPlace:
     """The place that the process which started this one named: its folder, and its database if it has one."""
-    return DataPlace(Path(folder), os.environ.get(VARIABLE))
+    return DataPlace(Path(folder), os.environ.get(VARIABLE) or None)
 
 
 def is_url(text: str) -> bool:

@@ -30,7 +30,16 @@ from study.store.values import StoreError
 
 OLDEST = 130000
 """The oldest server, as it numbers itself."""
-CONNECT_WITHIN_S = 5
+_UNLESS_SAID: Mapping[str, Any] = {
+    "application_name": "shared-autonomy-lab",
+    "connect_timeout": 5,
+    # A server whose machine or network is gone is noticed within a quarter of a minute.
+    "keepalives_idle": 5,
+    "keepalives_interval": 5,
+    "keepalives_count": 2,
+    "tcp_user_timeout": 15_000,
+}
+"""Parameters of a connection that an address may set otherwise; times in seconds, and one in milliseconds."""
 SERVING = (0x5A1AB, 1)
 """The advisory lock of the lab that serves."""
 WRITING = (0x5A1AB, 2)
@@ -209,7 +218,7 @@ class PostgresServer:
 
     def touch(self, connection: sql.Connection) -> None:
         """A row as it is."""
-        connection.execute(META.update().values(value=META.c.value))
+        connection.execute(META.update().where(META.c.name == "schema_version").values(value=META.c.value))
 
     def read_back(self) -> None:
         """The server reads it, from its memory or its disk."""
@@ -241,7 +250,7 @@ class PostgresServer:
         self.writing.dispose()
 
     def _connect(self) -> Any:
-        given = {"connect_timeout": CONNECT_WITHIN_S, "application_name": "shared-autonomy-lab", **self._parameters}
+        given = {**_UNLESS_SAID, **self._parameters}
         connection = self._psycopg.connect(**given, client_encoding="utf8", autocommit=True)
         try:
             connection.execute(

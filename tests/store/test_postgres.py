@@ -11,7 +11,19 @@ from typing import Any
 
 import pytest
 
-from study.store import AsyncStore, Batch, DataPlace, Store, StoreError, StoreTroubled, open_store, verify_data
+from app.config import LabConfig
+from study.store import (
+    AsyncStore,
+    Batch,
+    DataPlace,
+    Store,
+    StoreError,
+    StoreTroubled,
+    handed_over,
+    open_store,
+    place_of,
+    verify_data,
+)
 from tests.support import postgres_server
 from tests.support.data_places import changed_in, found_in
 from tests.support.postgres_server import PostgresServer
@@ -173,6 +185,28 @@ def test_an_address_that_is_none_is_one_line(
 ) -> None:
     status, _, error = run(capsys, "export", "--out", "out", "--data", url)
     assert status == 2 and said in error and "lab:secret" not in error
+
+
+def test_a_command_that_takes_no_address_says_so_without_the_password(
+    own_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, _, error = run(capsys, "restore", "backup", "--data", "postgresql://lab:secret@db/study")
+    assert status == 2 and "an address stands where a file or folder is asked for" in error
+    assert "secret" not in error
+
+
+def test_no_text_of_an_address_has_its_password() -> None:
+    place = DataPlace(Path("data"), "postgresql+psycopg://lab:s%40cret@db:5433/study?sslpassword=hush&host=/run/x")
+    for text in (str(place), repr(place), repr(LabConfig(database_url=place.url)), str(place.environment.keys())):
+        assert "cret" not in text and "hush" not in text
+    assert str(place) == "postgresql+psycopg://lab:***@db:5433/study?sslpassword=***&host=/run/x"
+    assert place_of(place) is place
+
+
+def test_a_lab_with_a_folder_hands_no_address_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in DataPlace(Path("data")).environment.items():
+        monkeypatch.setenv(name, value)
+    assert handed_over("data") == DataPlace(Path("data"))
 
 
 def test_data_of_another_version_are_refused(place: DataPlace, capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,6 +28,11 @@ def typed(place: DataPlace) -> str:
     return place.url or str(place.folder)
 
 
+def typed_options(place: DataPlace) -> tuple[str, ...]:
+    """The same with the option for the folder of a database on a server."""
+    return ("--data", typed(place), *(() if place.url is None else ("--folder", str(place.folder))))
+
+
 @contextlib.contextmanager
 def other_program(place: DataPlace | Path) -> Iterator[Any]:
     """Its connection, on which every statement is a transaction; `execute` has a cursor."""
