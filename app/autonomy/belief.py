@@ -76,20 +76,22 @@ def log_of_count(goal_count: int) -> float:
 def belief_entropy(probabilities: FloatArray) -> float:
     """H(b) = -sum b log_|Phi| b, eq. 8, in [0, 1]; 0 log 0 = 0, and a single goal has no entropy. (G,) ->
     scalar."""
-    return 0.0 if probabilities.shape[0] == 1 else _entropy(probabilities, _log(probabilities))
+    return 0.0 if probabilities.shape[0] == 1 else _logs_and_entropy(probabilities)[1]
 
 
-def _entropy(probabilities: FloatArray, logs: FloatArray) -> float:
-    goal_count = probabilities.shape[0]
-    if goal_count == 1:
-        return 0.0
+def _logs_and_entropy(probabilities: FloatArray) -> tuple[FloatArray, float]:
+    """log b, (G,), with log 0 = -inf and no warning; and `belief_entropy`."""
     if np.minimum.reduce(probabilities) > 0.0:
+        logs = np.log(probabilities)
         terms = probabilities * logs
     else:
         possible = probabilities > 0.0
+        logs = np.log(probabilities, out=np.full(probabilities.shape, -np.inf), where=possible)
         terms = probabilities[possible] * np.log(probabilities[possible])
-    entropy = -float(np.add.reduce(terms)) / log_of_count(goal_count)
-    return min(max(0.0, entropy), 1.0)  # in this order: of a zero and a negative zero the first is returned
+    if probabilities.shape[0] == 1:
+        return logs, 0.0
+    entropy = -float(np.add.reduce(terms)) / log_of_count(probabilities.shape[0])
+    return logs, min(max(0.0, entropy), 1.0)  # in this order: of a zero and a negative zero the first is returned
 
 
 def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArray:
@@ -97,7 +99,7 @@ def bayes_update(prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArra
 
     (G,), (G,) -> (G,). Works in logs; ends with ``PROBABILITY_FLOOR`` for goals whose prior is not 0.
     """
-    return _updated(prior, _log(prior), log_likelihood_row)
+    return _updated(prior, _logs_and_entropy(prior)[0], log_likelihood_row)
 
 
 def _updated(prior: FloatArray, log_prior: FloatArray, log_likelihood_row: FloatArray) -> FloatArray:
@@ -111,13 +113,6 @@ def _updated(prior: FloatArray, log_prior: FloatArray, log_likelihood_row: Float
             posterior[too_low] = PROBABILITY_FLOOR
             posterior /= posterior.sum()
     return posterior
-
-
-def _log(probabilities: FloatArray) -> FloatArray:
-    """log b, with log 0 = -inf and no warning."""
-    if probabilities.all():
-        return np.log(probabilities)
-    return np.log(probabilities, out=np.full(probabilities.shape, -np.inf), where=probabilities > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,20 +157,19 @@ class Belief:
         if posterior.shape[0] > _ROUNDS_WELL:
             return Belief(self.goal_ids, posterior)
         after = object.__new__(Belief)  # it has been normalised just now: there is nothing to check
-        logs = _log(posterior)
-        entropy = _entropy(posterior, logs)
+        logs, entropy = _logs_and_entropy(posterior)
         after.__dict__.update(goal_ids=self.goal_ids, probabilities=frozen(posterior), _logs=logs, entropy=entropy)
         return after
 
     @cached_property
     def _logs(self) -> FloatArray:
         """log b, -inf for what is ruled out, (G,)."""
-        return _log(self.probabilities)
+        return _logs_and_entropy(self.probabilities)[0]
 
     @cached_property
     def entropy(self) -> float:
         """H(b), eq. 8, to base |Phi|: 0 when certain or with one goal, 1 when uniform."""
-        return _entropy(self.probabilities, self._logs)
+        return _logs_and_entropy(self.probabilities)[1]
 
     def as_dict(self) -> dict[str, float]:
         """Goal name -> probability, in order."""

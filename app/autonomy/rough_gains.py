@@ -57,8 +57,8 @@ def rough_gains(state: State, probabilities: FloatArray, models: Models, looking
     offsets = _offsets(models.transition, state.momentum, looking, kappa)
     ways_m = state.goals_m - np.array(state.position_m)  # (G, 3)
     squares = np.add.reduce(ways_m * ways_m, 1)
-    farthest_m = math.sqrt(float(np.maximum.reduce(squares))) + offsets.longest_m
-    nearest_m = math.sqrt(float(np.minimum.reduce(squares))) - offsets.longest_m
+    of_goals = squares.tolist()
+    farthest_m, nearest_m = math.sqrt(max(of_goals)) + offsets.longest_m, math.sqrt(min(of_goals)) - offsets.longest_m
     if kappa * farthest_m > _MOST_EXPONENT:
         return None
     columns = np.ones((5, goal_count))

@@ -24,7 +24,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -71,8 +71,7 @@ class _Movement:
     wrong: bool = False
 
 
-@dataclass(frozen=True)
-class _Leg:
+class _Leg(NamedTuple):
     """Where some axes are to be brought, and how exactly. `then` follows when all of them are there."""
 
     target_m: Point

@@ -26,8 +26,7 @@ any more: a way out must not depend on them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -78,8 +77,7 @@ PRACTICE_TRIES = 3
 _STAND_STILL = (MotionSegment(STILL, SLICES_PER_TICK),)
 
 
-@dataclass(frozen=True)
-class _Tick:
+class _Tick(NamedTuple):
     """What was decided at the start of a tick, kept until its end. `action` is None when motion is paused."""
 
     row: dict[str, Any]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from app.autonomy.actions import Direction
 from app.autonomy.belief import Belief
@@ -21,8 +20,7 @@ RETURNING = ("reset", "free")
 _NO_DIRECTION: tuple[int | None, int | None, int | None] = (None, None, None)
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """Who decides a tick, and what: what the person asked for, what was chosen, the button that was obeyed."""
 
     source: str

