@@ -189,11 +189,12 @@ class DistractorState:
 
     def locked(self, trial_s: float) -> bool:
         """Whether the pad is ignored at this trial time (`same_page_away` only)."""
-        return self._covers(trial_s) and (self.open_alert is not None or self.release_in_s(trial_s) > 0.0)
+        from_s, until_s = self._covered_s
+        return from_s <= trial_s < until_s
 
     def release_in_s(self, trial_s: float) -> float:
         """Trial time until the panel may uncover the view, once no alert is open; 0 on a second device."""
-        if not self._covers(trial_s):
+        if not self._covered_s[0] <= trial_s:
             return 0.0
         return max(0.0, self.alerts[-1].due_trial_s + self.settings.away_min_s - trial_s)
 
@@ -216,10 +217,13 @@ class DistractorState:
             status=alert.status,
         )
 
-    def _covers(self, trial_s: float) -> bool:
+    @cached_property
+    def _covered_s(self) -> tuple[float, float]:
+        """From and until which trial time the pad is ignored; endless while an alert is open."""
         if self.is_over or not self.alerts or self.settings.placement != "same_page_away":
-            return False
-        return trial_s >= self.alerts[-1].due_trial_s
+            return math.inf, math.inf
+        due_s = self.alerts[-1].due_trial_s
+        return due_s, math.inf if self.open_alert is not None else due_s + self.settings.away_min_s
 
     def _with(self, alert: AlertState) -> DistractorState:
         position = alert.alert - 1
