@@ -115,7 +115,7 @@ class WayOn:
         return self._answers[index]
 
     def _leads_on(self, index: int) -> bool:
-        if not self._counts.any():
+        if not any(self._counts):
             return True
         if index == NULL_ACTION:
             return self._may_stay
@@ -170,9 +170,10 @@ class WayOn:
         return (x_m + dx_m, y_m + dy_m, z_m + dz_m)
 
     @cached_property
-    def _counts(self) -> NDArray[np.bool_]:
-        """Which goals the gripper can be in front of, (G,)."""
-        return self._ways.possible[: self._start]
+    def _counts(self) -> list[bool]:
+        """Which goals the gripper can be in front of."""
+        counts: list[bool] = self._ways.possible[: self._start].tolist()
+        return counts
 
     @cached_property
     def _favourite(self) -> int | None:

@@ -303,7 +303,7 @@ def _cannot_be_outbid(weights: Weights, models: Models) -> bool:
 def select(values: FloatArray, previous: int | None) -> int:
     """The best of ``values`` (27,), -inf for what cannot be done: ties go to ``previous``, else to the lowest
     index; with nothing left, stay."""
-    most = values.max()
+    most = np.maximum.reduce(values)
     if most == -np.inf:
         return NULL_ACTION
     best = values >= most - TIE_TOLERANCE
