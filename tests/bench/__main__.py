@@ -28,6 +28,13 @@ def robots() -> Iterable[Figure]:
     return robot_figures()
 
 
+def bounds() -> Iterable[Figure]:
+    """what a simulated study's ticks and rows take at least, however the arithmetic is done"""
+    from tests.bench.bounds import bound_figures
+
+    return bound_figures()
+
+
 def physics() -> Iterable[Figure]:
     """how near its way the arm is on each physics, and how far objects slip in the fingers"""
     from tests.bench.physics import physics_figures
@@ -112,7 +119,7 @@ def whole() -> Iterable[Figure]:
     return whole_figures()
 
 
-USUAL = (decision, robots, physics, live, pictures, press, depth, lockstep, start, study, analysis, replication)
+USUAL = (decision, robots, bounds, physics, live, pictures, press, depth, lockstep, start, study, analysis, replication)
 PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {part.__name__: part for part in (*USUAL, memory, whole)}
 ON_REQUEST = ("memory", "whole")
 

@@ -149,7 +149,7 @@ def robot_figures() -> Iterator[Figure]:
         times_s: dict[str, list[float]] = defaultdict(list)
         outcomes: list[str] = []
         for condition in CONDITIONS:
-            outcomes += _drive(name, _trial(setup, condition), times_s)
+            outcomes += _drive(name, first_trial(setup, condition), times_s)
         opening_s = sum(times_s.pop("opening"))
         ticks = sum(map(len, times_s.values()))
         yield Figure(
@@ -161,9 +161,9 @@ def robot_figures() -> Iterator[Figure]:
         for part in PARTS:
             share = len(times_s[part]) / ticks
             yield Figure(f"{name}: {part} ({share:.0%} of the ticks)", _speed(len(times_s[part]), sum(times_s[part])))
-        yield Figure(f"{name}: building a world", f"{1e3 * _building_s(name, _trial(setup, 'balanced')):.1f} ms")
+        yield Figure(f"{name}: building a world", f"{1e3 * _building_s(name, first_trial(setup, 'balanced')):.1f} ms")
         for condition in ("teleoperation", "balanced"):
-            idle_s = _idle_s(name, _trial(setup, condition))
+            idle_s = _idle_s(name, first_trial(setup, condition))
             yield Figure(f"{name}: idle, hands off, {condition}", _speed(IDLE_TICKS, idle_s))
 
 
@@ -171,7 +171,8 @@ def _speed(ticks: int, seconds: float) -> str:
     return f"{ticks / seconds:.0f} /s = {ticks / seconds * TICK_S:.0f} x"
 
 
-def _trial(setup: StudySetup, condition: str) -> TrialSetup:
+def first_trial(setup: StudySetup, condition: str) -> TrialSetup:
+    """The trial that is timed in a condition."""
     order = next(order for order in orders(setup.study) if order[0] == condition)
     return setup.trial_setup("bench", plan_session(setup.study, order, SEED), 1, "trial")
 
@@ -184,15 +185,9 @@ def _drive(robot_name: str, trial: TrialSetup, times_s: dict[str, list[float]]) 
     engine = TrialEngine(trial, robot)
     engine.open()
     times_s["opening"].append(time.process_time() - started_s)
-    pilot = Pilot(trial.timing.speed_m_s * TICK_S)
+    pilot = pilots_input(trial)
     while not engine.finished:
-        view, world = engine.view(), engine.world
-        act = UserInput()
-        if view.phase == "operating":
-            release_m = engine.scene.bin(view.bin or "").release_world_m
-            grasp_m = world.object(view.object).grasp_world_m
-            position_m = world.position_world_gripper_m
-            act = pilot.act(view.object, Sight(position_m, world.held, world.gripper, grasp_m, release_m))
+        act, world = pilot(engine), engine.world
         started_s = time.process_time()
         result = engine.tick(act)
         passed_s = time.process_time() - started_s
@@ -201,6 +196,22 @@ def _drive(robot_name: str, trial: TrialSetup, times_s: dict[str, list[float]]) 
         outcomes += [task.outcome for task in result.tasks]
     robot.close()
     return outcomes
+
+
+def pilots_input(trial: TrialSetup) -> Callable[[TrialEngine], UserInput]:
+    """What the scripted pilot does in the next tick of a trial."""
+    pilot = Pilot(trial.timing.speed_m_s * TICK_S)
+
+    def act(engine: TrialEngine) -> UserInput:
+        view, world = engine.view(), engine.world
+        if view.phase != "operating":
+            return UserInput()
+        release_m = engine.scene.bin(view.bin or "").release_world_m
+        grasp_m = world.object(view.object).grasp_world_m
+        position_m = world.position_world_gripper_m
+        return pilot.act(view.object, Sight(position_m, world.held, world.gripper, grasp_m, release_m))
+
+    return act
 
 
 def _building_s(robot_name: str, trial: TrialSetup) -> float:
