@@ -4,7 +4,7 @@ Every part that moves with the gripper (fingers, palm, what is held) keeps a mar
 from the gripper, each such pair is an upright box with a rounded edge; what has fallen counts as the box around it.
 
     obstacles = Obstacles(world, scene)
-    obstacles.are_surely_off(0.7, 0.0, 0.86, 0.72, 0.0, 0.86)     whether that straight way certainly meets none
+    obstacles.pushes_nothing(0.7, 0.0, 0.86, (0.02, 0.0, 0.0))     whether that way certainly pushes nothing over
 
 A way is certainly off a pair when some direction parts them by more than `SURE_M`, and certainly meets it when one of
 its samples is in it by more. In between nothing is certain, and whoever asks looks at all samples (`sim.open_ways`,
@@ -60,10 +60,14 @@ class _Part(NamedTuple):
 
 
 class Thing:
-    """One object, with all parts that move."""
+    """One object, with all parts that move.
+
+    Attributes:
+        stands: whether it is nearer to standing than to lying.
+    """
 
     def __init__(self, parts: list[_Part], stands: bool) -> None:
-        self._parts, self._stands = parts, stands
+        self._parts, self.stands = parts, stands
         self._low_x_m = min([part.x_m - part.half_x_m - part.least_m for part in parts]) - SURE_M
         self._high_x_m = max([part.x_m + part.half_x_m + part.least_m for part in parts]) + SURE_M
         self._low_y_m = min([part.y_m - part.half_y_m - part.least_m for part in parts]) - SURE_M
@@ -90,24 +94,23 @@ class Thing:
     def _is_apart(
         self, part: _Part, x_m: float, y_m: float, z_m: float, to_x_m: float, to_y_m: float, to_z_m: float
     ) -> bool:
-        off_m = part.off_z_m + SURE_M
-        if (z_m - part.z_m > off_m and to_z_m - part.z_m > off_m) or (
-            part.z_m - z_m > off_m and part.z_m - to_z_m > off_m
-        ):
+        at_x_m, at_y_m, at_z_m, half_x_m, half_y_m, _, least_m, off_z_m = part
+        off_m = off_z_m + SURE_M
+        if (z_m - at_z_m > off_m and to_z_m - at_z_m > off_m) or (at_z_m - z_m > off_m and at_z_m - to_z_m > off_m):
             return True
-        x_m, to_x_m, y_m, to_y_m = x_m - part.x_m, to_x_m - part.x_m, y_m - part.y_m, to_y_m - part.y_m
-        least_m = part.least_m + SURE_M
-        off_m = part.half_x_m + least_m
+        x_m, to_x_m, y_m, to_y_m = x_m - at_x_m, to_x_m - at_x_m, y_m - at_y_m, to_y_m - at_y_m
+        least_m += SURE_M
+        off_m = half_x_m + least_m
         if (x_m > off_m and to_x_m > off_m) or (x_m < -off_m and to_x_m < -off_m):
             return True
-        off_m = part.half_y_m + least_m
+        off_m = half_y_m + least_m
         if (y_m > off_m and to_y_m > off_m) or (y_m < -off_m and to_y_m < -off_m):
             return True
-        if not self._stands:
+        if not self.stands:
             return False  # `sim.clearance` looks at it along directions of its own
         dx_m, dy_m = to_x_m - x_m, to_y_m - y_m
         across = abs(dx_m * y_m - dy_m * x_m)
-        return across > abs(dy_m) * part.half_x_m + abs(dx_m) * part.half_y_m + least_m * math.hypot(dx_m, dy_m)
+        return across > abs(dy_m) * half_x_m + abs(dx_m) * half_y_m + least_m * math.hypot(dx_m, dy_m)
 
     def spare_m(self, x_m: float, y_m: float, z_m: float) -> float:
         """How much more than their margins the pairs keep with the gripper there, as `_spare_m` of each."""
@@ -136,11 +139,14 @@ class Thing:
 def _spare_m(part: _Part, x_m: float, y_m: float, z_m: float) -> float:
     """How much more than its margin the pair keeps with the gripper there; of two answers that height could give, the
     larger one. Never below -`SURE_M` where that is uncertain."""
-    if abs(part.z_m - z_m) >= part.half_z_m - SURE_M:
-        return math.inf if abs(part.z_m - z_m) > part.half_z_m + SURE_M else 0.0
-    aside_x_m = max(abs(part.x_m - x_m) - part.half_x_m, 0.0)
-    aside_y_m = max(abs(part.y_m - y_m) - part.half_y_m, 0.0)
-    return math.hypot(aside_x_m, aside_y_m) - part.least_m
+    at_x_m, at_y_m, at_z_m, half_x_m, half_y_m, half_z_m, least_m, _ = part
+    above_m = abs(at_z_m - z_m)
+    if above_m >= half_z_m - SURE_M:
+        return math.inf if above_m > half_z_m + SURE_M else 0.0
+    aside_x_m, aside_y_m = abs(at_x_m - x_m) - half_x_m, abs(at_y_m - y_m) - half_y_m
+    if aside_x_m <= 0.0:
+        return (aside_y_m if aside_y_m > 0.0 else 0.0) - least_m
+    return (math.hypot(aside_x_m, aside_y_m) if aside_y_m > 0.0 else aside_x_m) - least_m
 
 
 class Obstacles:
@@ -169,11 +175,20 @@ class Obstacles:
             self.__dict__.pop("pairs", None)  # its place in the hand is another by rounding
         return self
 
-    def are_surely_off(self, x_m: float, y_m: float, z_m: float, to_x_m: float, to_y_m: float, to_z_m: float) -> bool:
-        """Whether the straight way from one place to another certainly keeps off all of them."""
-        for thing in self.things:  # noqa: SIM110 - as above
-            if not thing.is_surely_off(x_m, y_m, z_m, to_x_m, to_y_m, to_z_m):
-                return False
+    def pushes_nothing(self, x_m: float, y_m: float, z_m: float, way_m: Vector3) -> bool | None:
+        """What `sim.clearance` says of a way within a tick, from what stands; None where rounding, what has fallen, or
+        something that is too near already may decide."""
+        dx_m, dy_m, dz_m = way_m
+        to_x_m, to_y_m, to_z_m = x_m + dx_m, y_m + dy_m, z_m + dz_m
+        for thing in self.things:
+            if thing.is_surely_off(x_m, y_m, z_m, to_x_m, to_y_m, to_z_m):
+                continue
+            if not thing.stands:
+                return None
+            half_m = thing.spare_m(x_m + 0.5 * dx_m, y_m + 0.5 * dy_m, z_m + 0.5 * dz_m)
+            spare_m = min(half_m, thing.spare_m(to_x_m, to_y_m, to_z_m))
+            if spare_m < SURE_M:
+                return False if spare_m < -SURE_M and thing.spare_m(x_m, y_m, z_m) >= SURE_M else None
         return True
 
     @cached_property

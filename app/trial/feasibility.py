@@ -44,7 +44,8 @@ class Feasibility:
     ) -> None:
         """`reach_m`: how far the arm goes in a tick. `surroundings`: kept from tick to tick."""
         self._robot, self._world, self._scene = robot, world, scene
-        self._model, self._momentum, self._reach_m = model, momentum, reach_m
+        self._way_of = model, momentum, reach_m
+        self._ways_m: tuple[NDArray[np.float64], tuple[Vector3, ...]] | None = None
         self._surroundings = surroundings
         self._obstacles: Obstacles | None = None
         self._answers: dict[int, bool] = {}
@@ -60,11 +61,15 @@ class Feasibility:
 
     def way_m(self, index: int) -> Vector3:
         """Where an action takes the gripper within the tick, from where it is."""
-        return _ways_m(self._model, self._momentum, self._reach_m)[1][index]
+        if self._ways_m is None:
+            self._ways_m = _ways_m(*self._way_of)
+        return self._ways_m[1][index]
 
     @property
     def _displacements_m(self) -> NDArray[np.float64]:  # (27, 3)
-        return _ways_m(self._model, self._momentum, self._reach_m)[0]
+        if self._ways_m is None:
+            self._ways_m = _ways_m(*self._way_of)
+        return self._ways_m[0]
 
     @property
     def obstacles(self) -> Obstacles:
@@ -79,10 +84,9 @@ class Feasibility:
 
     def _is_clear(self, index: int) -> bool:
         x_m, y_m, z_m = self._world.position_world_gripper_m
-        way_m = dx_m, dy_m, dz_m = self.way_m(index)
-        if self.obstacles.are_surely_off(x_m, y_m, z_m, x_m + dx_m, y_m + dy_m, z_m + dz_m):
-            return True
-        return self._pushes_nothing(way_m)
+        way_m = self.way_m(index)
+        told = self.obstacles.pushes_nothing(x_m, y_m, z_m, way_m)
+        return self._pushes_nothing(way_m) if told is None else told
 
 
 @lru_cache(maxsize=256)  # few momenta, the same ones tick after tick

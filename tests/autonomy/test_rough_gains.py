@@ -57,7 +57,7 @@ def exactly_best(terms: Weighing, user: Direction | None, can: np.ndarray) -> in
     for index in np.flatnonzero(~can).tolist():
         if index != asked:
             values[index] = -np.inf
-    return select(values, terms.previous)
+    return select(values.tolist(), terms.previous)
 
 
 def test_the_choice_is_that_of_the_exact_values() -> None:

@@ -10,6 +10,7 @@ large to be outbid (the default), and a finite gamma blends.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal, Union
@@ -219,14 +220,15 @@ class Weighing:
         impossible: list[int] = []
         if (best := self._certainly_best(feasible, impossible)) is not None:
             return best
-        values = self.score + self.selection_bonus
-        values[impossible] = -np.inf
+        values: list[float] = (self.score + self.selection_bonus).tolist()
+        for index in impossible:
+            values[index] = -math.inf
         while True:
             chosen = select(values, self.previous)
-            nothing_left = values[chosen] == -np.inf
+            nothing_left = values[chosen] == -math.inf
             if nothing_left or chosen == self.user_index or feasible(DIRECTIONS[chosen]):
                 return chosen
-            values[chosen] = -np.inf
+            values[chosen] = -math.inf
 
     def _certainly_best(self, feasible: Feasible, impossible: list[int]) -> int | None:
         """The best action as far as rough values tell it for certain, in a third of the time; None where they do not.
@@ -239,17 +241,18 @@ class Weighing:
             return None
         f1, f2 = entropy_weights(self._belief.entropy, self._weights.entropy_floor)
         gains = np.minimum(np.maximum(rough.gains, 0.0), self._belief.entropy)
-        values = self._weights.beta * f2 * self.hindsight_reward + alpha * f1 * gains
+        score = self._weights.beta * f2 * self.hindsight_reward + alpha * f1 * gains
         if self.user_index is not None:
-            values += self._weights.gamma * disagreement(self.user_index)
+            score += self._weights.gamma * disagreement(self.user_index)
         if self._weights.stickiness:
-            values += self.selection_bonus
-        most = float(np.maximum.reduce(values))
+            score += self.selection_bonus
+        values: list[float] = score.tolist()
+        most = max(values)
         apart = TIE_TOLERANCE + 2.0 * alpha * f1 * rough.error + 1e-14 * (1.0 + abs(most))
-        while most > -np.inf:
-            chosen = int(values.argmax())
-            values[chosen] = -np.inf
-            following = float(np.maximum.reduce(values))
+        while most > -math.inf:
+            chosen = values.index(most)
+            values[chosen] = -math.inf
+            following = max(values)
             if not most - following > apart:
                 return None
             if chosen == self.user_index or feasible(DIRECTIONS[chosen]):
@@ -300,13 +303,13 @@ def _cannot_be_outbid(weights: Weights, models: Models) -> bool:
     return weights.gamma * _NEAREST_OTHER > 2.0 * most + TIE_TOLERANCE
 
 
-def select(values: FloatArray, previous: int | None) -> int:
-    """The best of ``values`` (27,), -inf for what cannot be done: ties go to ``previous``, else to the lowest
-    index; with nothing left, stay."""
-    most = np.maximum.reduce(values)
-    if most == -np.inf:
+def select(values: Sequence[float], previous: int | None) -> int:
+    """The best of 27 ``values``, -inf for what cannot be done: ties go to ``previous``, else to the lowest index; with
+    nothing left, stay."""
+    most = max(values)
+    if most == -math.inf:
         return NULL_ACTION
-    best = values >= most - TIE_TOLERANCE
-    if previous is not None and best[previous]:
+    least = most - TIE_TOLERANCE
+    if previous is not None and values[previous] >= least:
         return previous
-    return int(best.argmax())
+    return next(index for index, value in enumerate(values) if value >= least)
