@@ -56,9 +56,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "chromium_path" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
+        if {"postgres", "own_postgres"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.postgres)
         if is_long(item.nodeid):
             item.add_marker(pytest.mark.long)
-        if is_quick(item):
+        if is_quick(item) and not any(mark.name == "postgres" for mark in item.iter_markers()):
             item.add_marker(pytest.mark.quick)
         for name in skips.keys() & {mark.name for mark in item.iter_markers()}:
             item.add_marker(skips[name])

@@ -55,6 +55,8 @@ log = logging.getLogger(__name__)
 MAX_PROBLEMS = 20
 """So many mistakes of a request are told."""
 MAX_LENGTH_DIGITS = 18
+AGAIN_AFTER_S = 3
+"""After so long a browser asks for a page again that a database which is away has none for."""
 LET_PASS = 4
 """A body of up to so many times the bound is read before it is refused."""
 """Of a Content-Length: more of them Python might refuse to read."""
@@ -149,9 +151,11 @@ def _add_errors(app: FastAPI, lab: Lab) -> None:
         return JSONResponse({"detail": str(error)}, 503)
 
     @app.exception_handler(StoreTroubled)
-    async def not_saved(_: Request, error: StoreTroubled) -> JSONResponse:
-        """What was asked for is not on disk."""
-        return JSONResponse({"detail": f"The lab cannot save now. {WHAT_TO_DO[error.kind]}"}, 503)
+    async def not_saved(request: Request, error: StoreTroubled) -> JSONResponse:
+        """What was asked for is not on disk, or cannot be read. Whoever follows a link asks again by themselves."""
+        is_page = request.method == "GET" and "text/html" in request.headers.get("accept", "")
+        again = {"Refresh": str(AGAIN_AFTER_S)} if is_page else {}
+        return JSONResponse({"detail": f"The lab cannot save now. {WHAT_TO_DO[error.kind]}"}, 503, headers=again)
 
     @app.middleware("http")
     async def sized(request: Request, call_next: Any) -> Response:
@@ -333,9 +337,9 @@ def _add_sockets(app: FastAPI, lab: Lab) -> None:
     async def admitted(websocket: WebSocket, public_id: str, role: Role) -> LiveSession | None:
         """The session a socket belongs to; otherwise the handshake is answered with 403."""
         token = websocket.cookies.get(COOKIES[role]) or ""
-        fits = bool(token) and await lab.place(token) == (public_id, role)
-        is_ours = fits and sockets.same_origin(websocket, lab.config.public_url)
         try:
+            fits = bool(token) and await lab.place(token) == (public_id, role)
+            is_ours = fits and sockets.same_origin(websocket, lab.config.public_url)
             holder = await lab.admit(token) if is_ours else None
             if holder is not None:
                 return await lab.session(holder[0])

@@ -125,9 +125,11 @@ class PostgresServer:
             pool_size=size,
             max_overflow=more,
             pool_timeout=WAIT_S,
+            pool_reset_on_return=None,  # `_reset` does, and complains of no lost connection
             use_native_hstore=False,
             **options,
         )
+        sql.event.listen(engine, "reset", self._reset)
         sql.event.listen(engine, "checkin", self._given_back)
         return engine
 
@@ -239,6 +241,14 @@ class PostgresServer:
         raise OSError("the database is on a server")
 
     # ---- connections
+
+    def _reset(self, connection: Any, _: object, state: Any) -> None:
+        """Nothing of what was begun is left; one that is lost is of no more use to anybody."""
+        if not state.terminate_only and not connection.closed:
+            try:
+                connection.rollback()
+            except self.errors:
+                connection.close()
 
     def _given_back(self, connection: Any, _: object) -> None:
         """By whoever read on while it was closed."""

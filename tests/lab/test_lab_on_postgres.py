@@ -6,10 +6,12 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
+import httpx
 import pytest
 
 from app.__main__ import main
 from app.simulated.bot import run_bot
+from app.simulated.connection import BotError, enter, open_wire
 from app.wire import Saves, Tick
 from study.export.verification import verify_export
 from study.store import DataPlace, copy, verify_data
@@ -87,6 +89,7 @@ async def test_a_server_that_is_away_holds_the_robot_and_lets_it_go_on(
 ) -> None:
     lab = launch("real_time")
     made = invite(lab)
+    access = await enter(made["link"])
     async with visit(made["link"]) as player:
         await player.reach("trial_ready")
         await player.status("ready")
@@ -97,6 +100,11 @@ async def test_a_server_that_is_away_holds_the_robot_and_lets_it_go_on(
             told = await player.until(Saves, lambda saves: not saves.works)
             assert told.text and "Nothing is lost" in told.text
             acknowledged = player.heard(Tick)[-1].tick
+            with pytest.raises(BotError):  # a page that comes now is not let in, and asks again
+                async with open_wire(access, "second"):
+                    pass
+            page = await asyncio.to_thread(httpx.get, made["link"], headers={"Accept": "text/html"}, trust_env=False)
+            assert page.status_code == 503 and int(page.headers["Refresh"]) > 0
             await asyncio.sleep(AWAY_S)
             assert player.heard(Tick)[-1].tick <= acknowledged + 1  # it stood still
             await asyncio.to_thread(own_postgres.start)
@@ -105,4 +113,5 @@ async def test_a_server_that_is_away_holds_the_robot_and_lets_it_go_on(
     rows = ticks(lab, made["participant"])
     assert contiguous(rows) and len(rows) >= goes_on.tick + 1
     lab.close()
+    assert "Traceback" not in lab.log() and "Exception" not in lab.log()
     assert verify_data(lab.data).findings == ()

@@ -10,7 +10,9 @@ from study.store import DataPlace
 from tests.support.data_places import KINDS, new_place
 
 
-@pytest.fixture(params=KINDS)
+@pytest.fixture(
+    params=[pytest.param(kind, marks=[pytest.mark.postgres] if kind == "postgres" else []) for kind in KINDS]
+)
 def place(request: pytest.FixtureRequest, tmp_path: Path) -> DataPlace:
     """Nothing is there yet."""
     server = request.getfixturevalue("postgres") if request.param == "postgres" else None

@@ -314,3 +314,34 @@ def test_a_lab_whose_lock_another_has_taken_writes_nothing(place: DataPlace, tmp
                 append_tick(first, tick_row(WHO))
         append_tick(first, tick_row(WHO))
         assert len(list(first.rows("ticks"))) == 1
+
+
+async def test_a_server_that_crashes_again_and_again_loses_nothing_acknowledged_and_doubles_nothing(
+    served: AsyncStore, own_postgres: PostgresServer
+) -> None:
+    people = [WHO, *(f"P{number:03d}" for number in (2, 3, 4))]
+    for number in range(1, len(people)):
+        served.store.create_participant(shipped_study(), seed=number, public_id=f"public{number}", utc=UTC)
+    acknowledged = dict.fromkeys(people, 0)
+    ends = asyncio.Event()
+
+    async def drive(who: str) -> None:
+        while not ends.is_set():
+            number = acknowledged[who]
+            assert await served.commit(Batch(ticks=(tick_row(who, number),), events=(event_row(who, f"of {number}"),)))
+            acknowledged[who] += 1
+
+    driving = [asyncio.create_task(drive(who)) for who in people]
+    for _ in range(4):
+        before = dict(acknowledged)
+        await asyncio.to_thread(own_postgres.stop, "immediate")
+        await asyncio.to_thread(own_postgres.start)
+        while any(acknowledged[who] < before[who] + 5 for who in people):
+            await asyncio.wait(driving, timeout=0.01)
+            assert not any(task.done() for task in driving)
+    ends.set()
+    await asyncio.wait_for(asyncio.gather(*driving), WITHIN_S)
+    for who in people:
+        assert [row.tick for row in served.store.rows_of("ticks", who)] == list(range(acknowledged[who]))
+        kinds = [row.kind for row in served.store.rows_of("events", who)]
+        assert kinds == [f"of {number}" for number in range(acknowledged[who])]
