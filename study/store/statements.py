@@ -12,9 +12,6 @@ from functools import cache
 from typing import Any
 
 import sqlalchemy as sql
-from sqlalchemy.dialects import postgresql, sqlite
-
-_quoting = (sqlite.dialect().identifier_preparer, postgresql.dialect().identifier_preparer)  # type: ignore[no-untyped-call]
 
 
 def driver_of(connection: sql.Connection) -> Any:
@@ -68,8 +65,8 @@ def insert_once(connection: sql.Connection, table: sql.Table, **values: Any) -> 
 
 
 def _quote(name: str) -> str:
-    """A name that either of them would mistake for a word of its own stands in quotes, which both take."""
-    return next((quoted for quoting in _quoting if (quoted := quoting.quote(name)) != name), name)
+    """In quotes, which both take, no name is mistaken for a word of theirs."""
+    return f'"{name}"'
 
 
 def _quoted(names: Iterable[str]) -> list[str]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
-import pwd
 import shutil
 import subprocess
 import sys
@@ -148,6 +147,8 @@ def remove(server: PostgresServer) -> None:
 
 
 def _unprivileged() -> tuple[int, int]:
+    import pwd  # which Windows has not
+
     for name in NOBODY:
         try:
             found = pwd.getpwnam(name)
