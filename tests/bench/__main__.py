@@ -77,6 +77,13 @@ def lockstep() -> Iterable[Figure]:
     return lockstep_figures()
 
 
+def databases() -> Iterable[Figure]:
+    """ticks that are committed, alone and by many sessions at once, in a data folder and on a PostgreSQL server"""
+    from tests.bench.databases import database_figures
+
+    return database_figures()
+
+
 def start() -> Iterable[Figure]:
     """a lab until it is ready, a session until its robot is, and what a session takes of memory"""
     from tests.bench.start import start_figures
@@ -120,8 +127,10 @@ def whole() -> Iterable[Figure]:
 
 
 USUAL = (decision, robots, bounds, physics, live, pictures, press, depth, lockstep, start, study, analysis, replication)
-PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {part.__name__: part for part in (*USUAL, memory, whole)}
-ON_REQUEST = ("memory", "whole")
+PARTS: Mapping[str, Callable[[], Iterable[Figure]]] = {
+    part.__name__: part for part in (*USUAL, databases, memory, whole)
+}
+ON_REQUEST = ("databases", "memory", "whole")
 
 
 def main() -> None:
