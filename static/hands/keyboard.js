@@ -92,6 +92,8 @@ export class Keyboard extends Emitter {
     /** @type {Set<string>} */
     this.down = new Set();
     this._typedMs = Number.NEGATIVE_INFINITY; // when a key was last pressed in a field
+    /** @type {Set<string>} */
+    this._typed = new Set(); // pressed in a field and not let go since: what they repeat is meant for it
     addEventListener("keydown", (event) => this._keyDown(event));
     addEventListener("keyup", (event) => this._keyUp(event));
     for (const name of LETS_GO) addEventListener(name, () => this.release(), true);
@@ -146,7 +148,9 @@ export class Keyboard extends Emitter {
   /** @param {KeyboardEvent} event */
   _keyDown(event) {
     if (TAKES_KEYS.has(event.key)) this.release();
-    if (isTyping(event.target)) this._typedMs = event.timeStamp;
+    if (isTyping(event.target)) this._typed.add(event.code);
+    else if (!event.repeat) this._typed.delete(event.code);
+    if (isTyping(event.target) || (event.repeat && this._typed.has(event.code))) this._typedMs = event.timeStamp;
     if (!this.scope || event.isComposing || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target))
       return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
@@ -179,6 +183,7 @@ export class Keyboard extends Emitter {
 
   /** @param {KeyboardEvent} event */
   _keyUp(event) {
+    this._typed.delete(event.code);
     if (TAKES_KEYS.has(event.key)) this.release(); // macOS never tells the release of what went up meanwhile
     if (this.down.delete(this._placeOf(event))) this._changed();
   }

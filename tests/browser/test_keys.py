@@ -120,6 +120,26 @@ def test_an_enter_that_comes_after_the_field_has_gone_is_no_grip(page: Page, lab
     lab.wait_for(lambda message: message.get("gripper") == "open")
 
 
+def test_what_an_enter_repeats_is_meant_for_the_field_it_was_pressed_in_however_long_ago(
+    page: Page, lab: FakeLab
+) -> None:
+    driving(page, lab)
+    lab.send(alert(1))
+    page.get_by_test_id("alert").wait_for()
+    page.keyboard.type("582.4")
+    page.keyboard.down("Enter")
+    lab.wait_submit("alert_answer")
+    lab.send(closed(1))
+    page.get_by_test_id("alert").wait_for(state="hidden")
+    page.evaluate("() => new Promise((done) => setTimeout(done, 1100))")  # a computer that is late with repeating
+    page.keyboard.down("Enter")  # it is down: a repeat
+    page.keyboard.up("Enter")
+    page.keyboard.press("Enter")  # and once more, as impatient people do
+    page.keyboard.press("KeyD")
+    lab.wait_for(lambda message: message.get("direction") == [0, -1, 0])
+    assert grips(lab) == []
+
+
 def test_the_key_that_presses_a_button_is_no_grip_and_presses_no_other(page: Page, lab: FakeLab) -> None:
     lab.state = "break"
     page.goto(lab.participant_url)
