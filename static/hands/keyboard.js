@@ -91,9 +91,9 @@ export class Keyboard extends Emitter {
     this.scope = null; // null = off; a node: keys pressed inside it drive
     /** @type {Set<string>} */
     this.down = new Set();
-    this._typedMs = Number.NEGATIVE_INFINITY; // when a key was last pressed in a field
+    this._typedMs = Number.NEGATIVE_INFINITY; // when a key of a field was last pressed or let go
     /** @type {Set<string>} */
-    this._typed = new Set(); // pressed in a field and not let go since: what they repeat is meant for it
+    this._typed = new Set(); // pressed in a field and not let go since
     addEventListener("keydown", (event) => this._keyDown(event));
     addEventListener("keyup", (event) => this._keyUp(event));
     for (const name of LETS_GO) addEventListener(name, () => this.release(), true);
@@ -148,9 +148,10 @@ export class Keyboard extends Emitter {
   /** @param {KeyboardEvent} event */
   _keyDown(event) {
     if (TAKES_KEYS.has(event.key)) this.release();
-    if (isTyping(event.target)) this._typed.add(event.code);
-    else if (!event.repeat) this._typed.delete(event.code);
-    if (isTyping(event.target) || (event.repeat && this._typed.has(event.code))) this._typedMs = event.timeStamp;
+    if (isTyping(event.target)) {
+      this._typed.add(event.code);
+      this._typedMs = event.timeStamp;
+    }
     if (!this.scope || event.isComposing || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target))
       return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;
@@ -183,7 +184,7 @@ export class Keyboard extends Emitter {
 
   /** @param {KeyboardEvent} event */
   _keyUp(event) {
-    this._typed.delete(event.code);
+    if (this._typed.delete(event.code)) this._typedMs = event.timeStamp; // it was held for so long
     if (TAKES_KEYS.has(event.key)) this.release(); // macOS never tells the release of what went up meanwhile
     if (this.down.delete(this._placeOf(event))) this._changed();
   }

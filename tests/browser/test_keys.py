@@ -120,9 +120,7 @@ def test_an_enter_that_comes_after_the_field_has_gone_is_no_grip(page: Page, lab
     lab.wait_for(lambda message: message.get("gripper") == "open")
 
 
-def test_what_an_enter_repeats_is_meant_for_the_field_it_was_pressed_in_however_long_ago(
-    page: Page, lab: FakeLab
-) -> None:
+def test_after_an_enter_that_was_held_for_long_in_a_field_another_is_no_grip_either(page: Page, lab: FakeLab) -> None:
     driving(page, lab)
     lab.send(alert(1))
     page.get_by_test_id("alert").wait_for()
@@ -131,7 +129,7 @@ def test_what_an_enter_repeats_is_meant_for_the_field_it_was_pressed_in_however_
     lab.wait_submit("alert_answer")
     lab.send(closed(1))
     page.get_by_test_id("alert").wait_for(state="hidden")
-    page.evaluate("() => new Promise((done) => setTimeout(done, 1100))")  # a computer that is late with repeating
+    page.evaluate("() => new Promise((done) => setTimeout(done, 1100))")
     page.keyboard.down("Enter")  # it is down: a repeat
     page.keyboard.up("Enter")
     page.keyboard.press("Enter")  # and once more, as impatient people do
