@@ -115,7 +115,7 @@ def serve(
         end_with_whole_log(lines)
         with without_collections():
             # The process that sessions' processes come from makes its imports while this one makes its own.
-            process_source(chosen_robot(robot).name, start_method).tend()
+            process_source(chosen_robot(robot).name, start_method, scene=config.scene).tend()
             from app.lab.lab import Lab
             from app.web.server import create_app
 

@@ -154,7 +154,7 @@ class Lab:
         self._not_shown: dict[str, str] = {}
         self._watchers: list[Callable[[str], None]] = []
         self.robot = chosen_robot(config.robot)
-        self._workers = process_source(self.robot.name, config.start_method)
+        self._workers = process_source(self.robot.name, config.start_method, scene=config.scene)
         self.metrics = Metrics(self._gauges)
         self.health = Health(
             lambda: self.store.trouble,

@@ -37,7 +37,8 @@ BUSY_S = 20.0
 IMPORTS_S = 30.0
 """So much longer a process may take that makes its imports itself: 2 s on a quick machine, ten times that from a cold
 disk with a virus scanner."""
-PRELOADED = ("app.worker.worker", "sim.view.scene", "sim.view.spectator", "sim.view.ready")
+PRELOADED = ("app.worker.worker",)
+OF_VIEWS = ("sim.view.scene", "sim.view.spectator", "sim.view.ready")
 BY_VISER = ("rich.panel", "rich.table", "rich._emoji_codes")
 """What viser imports when a server begins, for a banner that nobody sees: 50 ms of each session. A name that is not
 there is passed by."""
@@ -119,10 +120,13 @@ def _too_long_said() -> Iterator[None]:
         ) from None
 
 
-def process_source(robot: str, start_method: StartMethod = "auto") -> ProcessSource:
-    """Where processes come from. Call before this one has threads. Raises `LabError` for a method that this system does
-    not have, and `PartError` for no robot."""
-    preloaded = [FIRST, *PRELOADED, *BY_VISER, ROBOTS.module_of(robot), *READY.get(robot, ()), LAST]
+def process_source(robot: str, start_method: StartMethod = "auto", *, scene: bool = True) -> ProcessSource:
+    """Where processes come from; `scene`: whether sessions have 3-D views. Call before this one has threads.
+
+    Raises `LabError` for a method that this system does not have, and `PartError` for no robot.
+    """
+    of_views = (*OF_VIEWS, *BY_VISER) if scene else ()
+    preloaded = [FIRST, *PRELOADED, *of_views, ROBOTS.module_of(robot), *READY.get(robot, ()), LAST]
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # 27 actions and 6 goals: threads would only cost
     known = multiprocessing.get_all_start_methods()
     if start_method not in ("auto", *known):
