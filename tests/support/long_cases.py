@@ -69,8 +69,14 @@ KEPT: Mapping[str, tuple[str, ...]] = {
 }
 
 
+ON_A_FILE = ("tests/store/test_backup.py", "tests/store/test_certificates.py", "tests/store/test_verification.py")
+"""Of tests of what a store does, which run on both kinds of database, those that `make test` runs on a file alone."""
+
+
 def is_long(node_id: str) -> bool:
     """Whether a test, by its pytest id, is left to `make test-long`."""
     test, _, case = node_id.partition("[")
+    if test.startswith(ON_A_FILE):
+        return "postgres" in case
     kept = KEPT.get(test)
     return kept is not None and not case.startswith(kept)
