@@ -38,7 +38,10 @@ def test_urdf_and_forward_kinematics_agree_on_every_link(tmp_path: Path, static_
     client = pybullet.connect(pybullet.DIRECT)
     try:
         arm = pybullet.loadURDF(str(file), useFixedBase=True, physicsClientId=client)
-        infos = [pybullet.getJointInfo(arm, i, physicsClientId=client) for i in range(pybullet.getNumJoints(arm))]
+        infos = [
+            pybullet.getJointInfo(arm, i, physicsClientId=client)
+            for i in range(pybullet.getNumJoints(arm, physicsClientId=client))
+        ]
         joint = {info[1].decode(): info[0] for info in infos}
         link = {info[12].decode(): info[0] for info in infos}
         static = {frame.name for frame in fetch.FIXED_FRAMES}
@@ -68,7 +71,10 @@ def test_urdf_states_the_published_limits(tmp_path: Path) -> None:
     client = pybullet.connect(pybullet.DIRECT)
     try:
         arm = pybullet.loadURDF(str(file), useFixedBase=True, physicsClientId=client)
-        infos = [pybullet.getJointInfo(arm, i, physicsClientId=client) for i in range(pybullet.getNumJoints(arm))]
+        infos = [
+            pybullet.getJointInfo(arm, i, physicsClientId=client)
+            for i in range(pybullet.getNumJoints(arm, physicsClientId=client))
+        ]
     finally:
         pybullet.disconnect(physicsClientId=client)
     by_name = {info[1].decode(): info for info in infos}

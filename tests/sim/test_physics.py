@@ -203,8 +203,13 @@ def test_who_is_forked_with_a_connection_that_was_ready_moves_the_robot_the_same
 
 @pytest.mark.bullet
 def test_a_connection_that_was_ready_is_taken_once() -> None:
+    import pybullet
+
     from sim.bullet import Connections
 
     connections = Connections()
     connections.make_ready()
-    assert len({connections.take() for _ in range(3)}) == 3
+    taken = [connections.take() for _ in range(3)]
+    assert len(set(taken)) == 3
+    for client in taken:
+        pybullet.disconnect(physicsClientId=client)
