@@ -22,9 +22,9 @@ def given_cores(own: Path = OWN_GROUPS, groups: Path = GROUPS) -> float | None:
     found: list[float] = []
     for folder in _folders("cpu", own, groups):
         version_1 = (*_words(folder / "cpu.cfs_quota_us"), *_words(folder / "cpu.cfs_period_us"))
-        quota, period = _words(folder / "cpu.max") or version_1 or ("max", "1")
-        if quota.isdecimal() and int(period) > 0:
-            found.append(int(quota) / int(period))
+        told = _words(folder / "cpu.max") or version_1
+        if len(told) == 2 and all(number.isdecimal() for number in told) and int(told[1]) > 0:
+            found.append(int(told[0]) / int(told[1]))
     return min(found, default=None)
 
 
@@ -34,17 +34,24 @@ def given_memory_bytes(own: Path = OWN_GROUPS, groups: Path = GROUPS) -> int | N
 
 
 def free_memory_bytes(own: Path = OWN_GROUPS, groups: Path = GROUPS) -> int | None:
-    """What is left of it, files that could be forgotten counted as used; None where nothing is limited."""
+    """What is left of it, with files that the system would forget first; None where nothing is limited."""
     return min((max(0, limit - used) for limit, used in _memory(own, groups)), default=None)
 
 
 def _memory(own: Path, groups: Path) -> Iterator[tuple[int, int]]:
-    """Limit and use of each group that is limited, in bytes."""
+    """Limit and use of each group that is limited, in bytes. Use holds no file that was read and lies about since."""
     for folder in _folders("memory", own, groups):
         limit = _words(folder / "memory.max") or _words(folder / "memory.limit_in_bytes")
         used = _words(folder / "memory.current") or _words(folder / "memory.usage_in_bytes")
         if limit and used and limit[0].isdecimal() and int(limit[0]) < UNLIMITED_BYTES:
-            yield int(limit[0]), int(used[0])
+            yield int(limit[0]), int(used[0]) - _forgotten_first(folder)
+
+
+def _forgotten_first(folder: Path) -> int:
+    """What of a group's memory is files that nobody has used of late, in bytes."""
+    words = _words(folder / "memory.stat")
+    told = dict(zip(words[::2], words[1::2], strict=False))
+    return int(told.get("total_inactive_file") or told.get("inactive_file") or 0)
 
 
 def _folders(controller: str, own: Path, groups: Path) -> Iterator[Path]:

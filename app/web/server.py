@@ -55,11 +55,11 @@ log = logging.getLogger(__name__)
 MAX_PROBLEMS = 20
 """So many mistakes of a request are told."""
 MAX_LENGTH_DIGITS = 18
-AGAIN_AFTER_S = 3
-"""After so long a browser asks for a page again that a database which is away has none for."""
+"""Of a Content-Length: more of them Python might refuse to read."""
 LET_PASS = 4
 """A body of up to so many times the bound is read before it is refused."""
-"""Of a Content-Length: more of them Python might refuse to read."""
+AGAIN_AFTER_S = 3
+"""After so long a browser asks for a page again that a database which is away has none for."""
 
 
 EVERYWHERE: dict[int | str, dict[str, Any]] = {

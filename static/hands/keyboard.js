@@ -151,7 +151,7 @@ export class Keyboard extends Emitter {
     if (isTyping(event.target)) {
       this._typed.add(event.code);
       this._typedMs = event.timeStamp;
-    }
+    } else if (!event.repeat) this._typed.delete(event.code); // its release went elsewhere
     if (!this.scope || event.isComposing || event.ctrlKey || event.altKey || event.metaKey || isTyping(event.target))
       return;
     if (this.scope !== document && !(event.target instanceof Node && this.scope.contains(event.target))) return;

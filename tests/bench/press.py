@@ -150,11 +150,7 @@ def _study(folder: Path) -> Path:
 def _to_the_robot(page: Page, link: str) -> Frame:
     person = BrowserPerson(page, 0.02)
     page.goto(link)
-    person.consent()
-    person.demographics()
-    person.setup("keyboard")
-    person.instructions(COMPREHENSION)
-    person.at("drive")
+    person.come_to_the_robot("keyboard", COMPREHENSION)
     person.start()
     person.next_tick()
     frame = next(one for one in page.frames if "/scene/" in one.url and "initialCameraNear" not in one.url)

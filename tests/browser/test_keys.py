@@ -138,6 +138,29 @@ def test_after_an_enter_that_was_held_for_long_in_a_field_another_is_no_grip_eit
     assert grips(lab) == []
 
 
+def test_a_key_whose_release_from_a_field_was_never_seen_is_fresh_when_it_is_pressed_anew(
+    page: Page, lab: FakeLab
+) -> None:
+    driving(page, lab)
+    lab.send(alert(1))
+    page.get_by_test_id("alert").wait_for()
+    page.keyboard.type("582.4")
+    page.keyboard.down("Enter")
+    lab.wait_submit("alert_answer")
+    lab.send(closed(1))
+    page.get_by_test_id("alert").wait_for(state="hidden")
+    page.evaluate(
+        "() => addEventListener('keyup', (event) => event.stopImmediatePropagation(), { capture: true, once: true })"
+    )
+    page.keyboard.up("Enter")  # into another window
+    page.evaluate("() => new Promise((done) => setTimeout(done, 1100))")  # nobody types any more
+    for _ in range(2):
+        page.keyboard.press("Enter")
+    page.keyboard.press("KeyD")
+    lab.wait_for(lambda message: message.get("direction") == [0, -1, 0])
+    assert grips(lab) == ["open", "open"]
+
+
 def test_the_key_that_presses_a_button_is_no_grip_and_presses_no_other(page: Page, lab: FakeLab) -> None:
     lab.state = "break"
     page.goto(lab.participant_url)

@@ -51,10 +51,7 @@ def test_two_letters_are_answered(
         asked.get_by_test_id("panel-start").click()
         asked.get_by_test_id("panel-heard").click()
         page.bring_to_front()
-    person.consent()
-    person.demographics()
-    person.setup("keyboard")
-    person.instructions(COMPREHENSION)
+    person.come_to_the_robot("keyboard", COMPREHENSION)
     person.start()
     if placement == "second_device":
         asked.bring_to_front()

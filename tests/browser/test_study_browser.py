@@ -105,10 +105,7 @@ def whole_study(
     person = BrowserPerson(page, STEP_M, shot)
 
     page.goto(invite(lab))
-    person.consent()
-    person.demographics()
-    person.setup("gamepad")
-    person.instructions({question.id: question.correct for question in study.instructions.questions})
+    person.come_to_the_robot("gamepad", {question.id: question.correct for question in study.instructions.questions})
 
     practise(person)
     person.start()

@@ -40,6 +40,26 @@ def test_the_least_of_a_services_group_and_those_above_it_counts(tmp_path: Path)
     assert (given_memory_bytes(*place), free_memory_bytes(*place)) == (3 * GB, GB)
 
 
+@pytest.mark.parametrize(
+    ("folder", "limit", "used", "stat"),
+    [
+        ("", "memory.max", "memory.current", f"anon 5\ninactive_file {GB}\nactive_file 7"),
+        ("memory/", "memory.limit_in_bytes", "memory.usage_in_bytes", f"inactive_file 3\ntotal_inactive_file {GB}"),
+    ],
+)
+def test_a_file_that_was_read_once_takes_no_memory_from_anybody(
+    tmp_path: Path, folder: str, limit: str, used: str, stat: str
+) -> None:
+    own = "4:memory:/\n" if folder else "0::/\n"
+    files = {folder + limit: str(2 * GB), folder + used: str(2 * GB), f"{folder}memory.stat": stat}
+    assert free_memory_bytes(*tree(tmp_path, own, files)) == GB
+
+
+def test_half_of_what_is_told_of_processor_time_tells_nothing(tmp_path: Path) -> None:
+    place = tree(tmp_path, "3:cpu:/\n", {"cpu/cpu.cfs_quota_us": "50000"})
+    assert given_cores(*place) is None
+
+
 def test_version_1_has_a_folder_for_each_controller(tmp_path: Path) -> None:
     files = {
         "cpu,cpuacct/docker/ab/cpu.cfs_quota_us": "50000",

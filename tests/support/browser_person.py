@@ -67,6 +67,14 @@ class BrowserPerson:
 
     # ---- forms --------------------------------------------------------------------------------------------------
 
+    def come_to_the_robot(self, device: Device, right: dict[str, str]) -> None:
+        """From the consent to the page on which the robot is driven; `right`: as for `instructions`."""
+        self.consent()
+        self.demographics()
+        self.setup(device)
+        self.instructions(right)
+        self.at("drive")
+
     def at(self, name: str) -> None:
         """Wait for a page by its test id."""
         self.page.get_by_test_id(f"page-{name}").wait_for(timeout=STEP_TIMEOUT_MS)

@@ -135,11 +135,7 @@ def participant(camera: Camera, folder: Path) -> None:
         wanted = {"consent": "consent", "setup_gamepad": "setup", "alert": "reading", "survey": "survey"}
         person = BrowserPerson(page, STEP_M, camera.shooter(page, wanted))
         page.goto(invite(lab)["link"])
-        person.consent()
-        person.demographics()
-        person.setup("gamepad")
-        person.instructions(COMPREHENSION)
-        person.at("drive")
+        person.come_to_the_robot("gamepad", COMPREHENSION)
         person.start()
         person.drive(Pilot(STEP_M), carrying)
         while person.answer_alert():
